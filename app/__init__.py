@@ -1,0 +1,1 @@
+"""The application around the science: store, services, engine, stage, pages, command line."""

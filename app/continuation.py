@@ -1,0 +1,65 @@
+"""One continuation, as the engine runs it: posterior, pair, two trajectories, clips. Pure, importable by name."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from importlib.metadata import version
+
+from app.services.continuation import Continuation, Request
+from app.stage.clip import build_clip
+from app.stage.framing import Layout
+from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.domain import Domain
+from study_core.posterior.run import Posterior
+from study_core.queries import ProposedQuery, infer_posterior, propose_active_query, propose_test_set
+from study_core.session import QueryPrepared, phase_of
+from study_core.study import Study, parse_study
+
+CODE_VERSION = version("prefstudy")
+
+
+def continue_session(request: Request) -> Continuation:
+    """Returns the next query of a session, ready to be shown."""
+    started = time.perf_counter()
+    study = parse_study(request.study_text)
+    posterior = None
+    if request.needs_posterior:
+        posterior = infer_posterior(study, request.participant, request.comparisons)
+    proposed = request.test_query or _propose(study, request, posterior)
+    clips = clip_digests(study.domain, proposed.query)
+    compute_ms = 1000.0 * (time.perf_counter() - started)
+    prepared = QueryPrepared(
+        request.query_index,
+        phase_of(study, request.query_index),
+        proposed,
+        clips,
+        CODE_VERSION,
+        compute_ms,
+    )
+    return Continuation(prepared, posterior)
+
+
+def _propose(study: Study, request: Request, posterior: Posterior | None) -> ProposedQuery:
+    assert posterior is not None, "an active query is chosen from a posterior"
+    return propose_active_query(study, request.participant, request.query_index, posterior)
+
+
+def test_set(study_text: str) -> tuple[ProposedQuery, ...]:
+    """Returns the common test set of a study."""
+    return propose_test_set(parse_study(study_text))
+
+
+def clip_digests(domain: Domain, query: Query) -> dict[str, str]:
+    """Returns the SHA-256 of the clip that shows a query, in each layout."""
+    a, b = domain.scene(query.controls_a), domain.scene(query.controls_b)
+    return {layout.value: hashlib.sha256(build_clip(a, b, layout)).hexdigest() for layout in Layout}
+
+
+def warm_up(study_text: str) -> None:
+    """Compiles every kernel that a session of the study uses, before the first person arrives."""
+    study = parse_study(study_text)
+    empty = ComparisonSet.empty(len(study.domain.feature_names))
+    first = continue_session(Request(study_text, 0, 0, empty, True, None))
+    once = empty.append(first.prepared.proposed.query, Choice.A)
+    continue_session(Request(study_text, 0, 1, once, True, None))

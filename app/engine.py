@@ -1,0 +1,301 @@
+"""Where computations run: Dask, in processes of its own.
+
+The scheduler and the workers are child processes, so they don't share the web server's interpreter. A thread
+looks after them: a worker that dies is replaced, and Dask runs its task again; when the scheduler dies everything is
+started anew and what was pending is submitted again. Only pure functions are submitted, so twice changes nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from distributed import Client
+from distributed.client import Future as DaskFuture
+from distributed.security import Security
+
+from app.errors import AppError
+
+log = logging.getLogger(__name__)
+
+_START_TIMEOUT_S = 90.0
+_WATCH_INTERVAL_S = 0.2
+_QUERY_RESOURCE = {"query": 1}
+
+
+class EngineError(AppError):
+    """The engine can't be started or reached."""
+
+
+class InlineComputation:
+    """A result that is computed in this process when it is asked for."""
+
+    def __init__(self, function: Callable[..., Any], argument: object) -> None:
+        self._function, self._argument = function, argument
+        self._future: Future[Any] = Future()
+
+    def done(self) -> bool:
+        """Returns True: `result` never waits for anyone else."""
+        return True
+
+    def result(self, timeout: float | None = None) -> Any:
+        """Returns the result, computed on the first call."""
+        if not self._future.done():
+            try:
+                self._future.set_result(self._function(self._argument))
+            except Exception as error:  # noqa: BLE001 - handed on to whoever asks
+                self._future.set_exception(error)
+        return self._future.result(timeout)
+
+    def add_done_callback(self, fn: Callable[[Any], object], /) -> None:
+        """Calls `fn` at once."""
+        fn(self)
+
+    def cancel(self) -> bool:
+        """Returns True: what nobody asks for is never computed."""
+        return True
+
+
+class InlineEngine:
+    """Computes in this process, and only what is asked for: headless replay and simulation."""
+
+    def submit(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float
+    ) -> InlineComputation:
+        """Returns the computation; see `app.services.continuation.Engine`."""
+        return InlineComputation(function, argument)
+
+
+@dataclass
+class _Pending:
+    """A computation that has been submitted and not yet finished."""
+
+    function: Callable[..., Any]
+    argument: object
+    urgency: float
+    future: Future[Any]
+    remote: DaskFuture | None = None
+
+
+class DaskEngine:
+    """Computes on a Dask cluster: one of its own on this machine, or one that runs already."""
+
+    def __init__(self, n_workers: int = 2, scheduler_address: str | None = None) -> None:
+        """Starts or reaches the cluster; returns when it takes work.
+
+        Args:
+            n_workers: Worker processes of a cluster of our own.
+            scheduler_address: Address of a running scheduler instead.
+
+        Raises:
+            EngineError: It doesn't come up, or isn't there.
+        """
+        self._lock = threading.RLock()
+        self._pending: dict[str, _Pending] = {}
+        self._cluster = None if scheduler_address else LocalProcesses(n_workers)
+        self._address = scheduler_address
+        self._is_closing = False
+        self._client = self._connect()
+        self._watcher = threading.Thread(target=self._watch, name="engine-watch", daemon=True)
+        if self._cluster is not None:
+            self._watcher.start()
+
+    def submit(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float
+    ) -> Future[Any]:
+        """Starts computing `function(argument)`; see `app.services.continuation.Engine`."""
+        with self._lock:
+            known = self._pending.get(key)
+            if known is not None and not known.future.cancelled():
+                return known.future
+            pending = self._pending[key] = _Pending(function, argument, urgency, Future())
+            pending.future.add_done_callback(lambda _: self._forget(key, pending))
+            self._send(key, pending)
+            return pending.future
+
+    def close(self) -> None:
+        """Gives up what is pending and stops the cluster if it is ours."""
+        self._is_closing = True
+        with self._lock:
+            for pending in list(self._pending.values()):
+                pending.future.cancel()
+            self._client.close(timeout=2)
+            if self._cluster is not None:
+                self._cluster.stop()
+
+    @property
+    def process_ids(self) -> dict[str, list[int]]:
+        """Returns the ids of our own cluster's processes, by role."""
+        return {} if self._cluster is None else self._cluster.process_ids
+
+    def _connect(self) -> Client:
+        try:
+            if self._cluster is None:
+                return Client(self._address, timeout=10, set_as_default=False)
+            self._cluster.start()
+            client = Client(
+                self._cluster.address, security=self._cluster.security, timeout=30, set_as_default=False
+            )
+            client.wait_for_workers(1, timeout=_START_TIMEOUT_S)
+            return client
+        except (OSError, TimeoutError) as error:
+            where = self._address or "on this machine"
+            raise EngineError(f"The Dask scheduler {where} can't be reached: {error}. Is it running?") from error
+
+    def _send(self, key: str, pending: _Pending) -> None:
+        resources = _QUERY_RESOURCE if self._cluster is not None else None
+        pending.remote = self._client.submit(
+            pending.function,
+            pending.argument,
+            key=key,
+            priority=pending.urgency,
+            resources=resources,
+            pure=False,
+        )
+        pending.remote.add_done_callback(lambda remote: self._arrived(pending, remote))
+
+    def _arrived(self, pending: _Pending, remote: DaskFuture) -> None:
+        """Hands a result on; one lost with its scheduler stays pending, to be sent again."""
+        if pending.remote is not remote or remote.status in ("cancelled", "lost"):
+            return
+        try:
+            outcome: Any = remote.result(timeout=10)
+        except Exception as error:  # noqa: BLE001 - handed on to whoever asks
+            if not self._is_lost(error) and pending.future.set_running_or_notify_cancel():
+                pending.future.set_exception(error)
+            return
+        if pending.future.set_running_or_notify_cancel():
+            pending.future.set_result(outcome)
+
+    def _is_lost(self, error: Exception) -> bool:
+        """Returns whether an error says that the cluster is gone, not that the computation failed."""
+        return isinstance(error, (OSError, TimeoutError)) or type(error).__name__ == "FutureCancelledError"
+
+    def _forget(self, key: str, pending: _Pending) -> None:
+        with self._lock:
+            if self._pending.get(key) is pending:
+                del self._pending[key]
+        if pending.remote is not None and not self._is_closing:
+            pending.remote.release()
+
+    def _watch(self) -> None:
+        while not self._is_closing:
+            time.sleep(_WATCH_INTERVAL_S)
+            assert self._cluster is not None
+            try:
+                if not self._is_closing and not self._cluster.has_scheduler():
+                    self._start_again()
+                elif not self._is_closing:
+                    self._cluster.replace_dead_workers()
+            except Exception:
+                log.exception("the engine could not be mended; trying again")
+
+    def _start_again(self) -> None:
+        """Starts a new cluster after its scheduler has died, and sends it what was pending."""
+        log.warning("the scheduler has died; starting a new one")
+        assert self._cluster is not None
+        old = self._client
+        self._cluster.stop()
+        client = self._connect()
+        with self._lock:
+            self._client = client
+            for key, pending in list(self._pending.items()):
+                self._send(key, pending)
+        old.close(timeout=1)
+
+
+class LocalProcesses:
+    """A scheduler and its workers as child processes, on the loopback address, with TLS of their own."""
+
+    def __init__(self, n_workers: int) -> None:
+        self.security = Security.temporary()
+        self._n_workers = n_workers
+        self._scheduler: subprocess.Popen[bytes] | None = None
+        self._workers: list[subprocess.Popen[bytes]] = []
+        self._folder = tempfile.TemporaryDirectory(prefix="prefstudy-engine-")
+        self._tls_options = self._write_credentials()
+        self.address = ""
+
+    @property
+    def process_ids(self) -> dict[str, list[int]]:
+        """Returns the process ids by role."""
+        scheduler = [] if self._scheduler is None else [self._scheduler.pid]
+        return {"scheduler": scheduler, "worker": [worker.pid for worker in self._workers]}
+
+    def start(self) -> None:
+        """Starts the scheduler, then the workers."""
+        address_file = Path(self._folder.name) / f"scheduler-{time.monotonic_ns()}.json"
+        options = ["--host", "tls://127.0.0.1", "--port", "0", "--scheduler-file", str(address_file)]
+        self._scheduler = self._spawn("dask_scheduler", options)
+        self.address = self._read_address(address_file)
+        self._workers = [self._spawn_worker() for _ in range(self._n_workers)]
+
+    def has_scheduler(self) -> bool:
+        """Returns whether the scheduler is alive."""
+        return self._scheduler is not None and self._scheduler.poll() is None
+
+    def replace_dead_workers(self) -> None:
+        """Starts a new worker for each one that has died."""
+        for index, worker in enumerate(self._workers):
+            if worker.poll() is not None:
+                log.warning("worker %d has died; starting another", worker.pid)
+                self._workers[index] = self._spawn_worker()
+
+    def stop(self) -> None:
+        """Ends all processes."""
+        processes = [*self._workers, *([self._scheduler] if self._scheduler else [])]
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.wait()
+            if process.stdin is not None:
+                process.stdin.close()
+        self._workers, self._scheduler = [], None
+
+    def _spawn_worker(self) -> subprocess.Popen[bytes]:
+        options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", "query=1"]
+        options += ["--host", "127.0.0.1", "--memory-limit", "0", "--local-directory", self._folder.name]
+        return self._spawn("dask_worker", options)
+
+    def _spawn(self, program: str, options: list[str]) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.{program}", *options, "--no-dashboard"]
+        command += ["--preload", "app.engine_child", *self._tls_options]
+        environment = os.environ | {"DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "warning"}
+        return subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment, start_new_session=True
+        )
+
+    def _read_address(self, address_file: Path) -> str:
+        deadline = time.monotonic() + _START_TIMEOUT_S
+        while time.monotonic() < deadline and self.has_scheduler():
+            try:
+                return str(json.loads(address_file.read_text())["address"])
+            except (FileNotFoundError, ValueError):
+                time.sleep(0.02)
+        raise EngineError("The Dask scheduler did not start. Its own message stands above.")
+
+    def _write_credentials(self) -> list[str]:
+        """Writes the temporary key and certificate where only we can read them; returns the options that name them."""
+        folder = Path(self._folder.name)
+        options = []
+        for option, attribute in (
+            ("--tls-ca-file", "tls_ca_file"),
+            ("--tls-cert", "tls_scheduler_cert"),
+            ("--tls-key", "tls_scheduler_key"),
+        ):
+            path = folder / f"{attribute}.pem"
+            path.touch(mode=0o600)
+            path.write_text(getattr(self.security, attribute))
+            options += [option, str(path)]
+        return options

@@ -1,0 +1,93 @@
+"""What has to be computed for a session to go on: a pure function of the request, so anyone may compute it again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from study_core.comparison import ComparisonSet
+from study_core.posterior.run import Posterior
+from study_core.queries import ProposedQuery
+from study_core.session import QueryPrepared
+
+VERSION = "continuation-1"
+
+
+@dataclass(frozen=True)
+class Request:
+    """Everything a continuation depends on.
+
+    Attributes:
+        study_text: The study file's text.
+        participant: Ordinal of the participant.
+        query_index: The query to prepare.
+        comparisons: Answers that inform the posterior.
+        needs_posterior: Whether an answer has come since the last posterior; always so in the active phase.
+        test_query: The common test query to show, in the test phase.
+    """
+
+    study_text: str
+    participant: int
+    query_index: int
+    comparisons: ComparisonSet
+    needs_posterior: bool
+    test_query: ProposedQuery | None
+
+    @property
+    def key(self) -> str:
+        """Returns the name of the computation: equal requests are computed once, and none goes stale."""
+        digest = hashlib.sha256(self.study_text.encode())
+        digest.update(f"{VERSION}|{self.participant}|{self.query_index}|{self.needs_posterior}".encode())
+        digest.update(self.comparisons.feature_diffs.tobytes())
+        digest.update(self.comparisons.signs.tobytes())
+        return f"continuation-{digest.hexdigest()}"
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """The next query, ready to be shown, and the posterior it was chosen from."""
+
+    prepared: QueryPrepared
+    posterior: Posterior | None
+
+
+ContinueFn = Callable[[Request], Continuation]
+TestSetFn = Callable[[str], tuple[ProposedQuery, ...]]
+
+
+class Computation(Protocol):
+    """A result that is there or on its way."""
+
+    def done(self) -> bool:
+        """Returns whether `result` returns without waiting for another process."""
+        ...
+
+    def result(self, timeout: float | None = None) -> Any:
+        """Returns the result, waiting for it if need be; raises what the computation raised."""
+        ...
+
+    def add_done_callback(self, fn: Callable[[Any], object], /) -> None:
+        """Calls `fn` with the computation once it is done."""
+        ...
+
+    def cancel(self) -> bool:
+        """Gives the computation up if nobody else waits for it."""
+        ...
+
+
+class Engine(Protocol):
+    """Where computations run. Only pure functions of their arguments are submitted."""
+
+    def submit(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Computation:
+        """Starts computing `function(argument)`.
+
+        Args:
+            key: Name of the result; the same key is computed once.
+            function: Importable by name in another process.
+            argument: Can be pickled.
+            urgency: Larger runs earlier.
+        """
+        ...
+

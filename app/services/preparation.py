@@ -1,0 +1,139 @@
+"""Keeping the next query ready: it is computed for every possible answer while the person watches."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from app.services.continuation import Computation, Continuation, Request
+from app.services.runtime import LiveSession, Runtime
+from app.store import PositionTakenError, PosteriorRecord
+from study_core.comparison import Choice, ComparisonSet
+from study_core.posterior.run import Posterior
+from study_core.session import Action, Event, Phase, next_action, phase_of
+
+log = logging.getLogger(__name__)
+
+# A person who waits comes before anything that is computed ahead; ahead, the likelier answer comes first.
+_WAITED_FOR = 10.0
+
+
+def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None) -> None:
+    """Starts computing what follows the current query, for each answer that makes a difference."""
+    current = live.state.current
+    live.ahead = {}
+    following = live.state.query_index + 1
+    if current is None or following >= live.study.protocol.n_queries:
+        return
+    query = current.proposed.query
+    if current.phase is Phase.TEST:
+        request = _request(live, following, live.state.comparisons, needs_posterior=False)
+        live.ahead[None] = _submit(runtime, request, urgency=0.5)
+        return
+    likely_a = 0.5
+    if posterior is not None:
+        likely_a = live.study.response.predicted_probability_of_a(posterior.samples, query.feature_diff)
+    for choice, urgency in ((Choice.A, likely_a), (Choice.B, 1.0 - likely_a)):
+        comparisons = live.state.comparisons.append(query, choice)
+        request = _request(live, following, comparisons, needs_posterior=True)
+        live.ahead[choice] = _submit(runtime, request, urgency)
+
+
+def continuation_after(runtime: Runtime, live: LiveSession, choice: Choice, comparisons: ComparisonSet) -> Computation:
+    """Returns the continuation after an answer to the current query, begun now if it wasn't before.
+
+    The one for the other answer is given up.
+    """
+    chosen = live.ahead.get(choice) or live.ahead.get(None)
+    for other in live.ahead.values():
+        if other is not chosen:
+            other.cancel()
+    live.ahead = {}
+    if chosen is not None:
+        return chosen
+    following = live.state.query_index + 1
+    is_informed = phase_of(live.study, live.state.query_index) is Phase.ACTIVE
+    return _submit(runtime, _request(live, following, comparisons, is_informed), _WAITED_FOR)
+
+
+def prepare(runtime: Runtime, live: LiveSession) -> None:
+    """Makes sure that a session that needs a query gets one; the caller holds its lock."""
+    if next_action(live.study, live.state) is not Action.PREPARE or None in live.ahead:
+        return
+    index = live.state.query_index
+    is_informed = index == 0 or phase_of(live.study, index - 1) is Phase.ACTIVE
+    computation = _submit(runtime, _request(live, index, live.state.comparisons, is_informed), _WAITED_FOR)
+    deliver_when_done(runtime, live, computation)
+
+
+def deliver_when_done(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
+    """Appends a continuation to the log as soon as it is computed, and shows it."""
+    live.ahead = {None: computation}
+    computation.add_done_callback(lambda done: runtime.background.submit(_deliver, runtime, live, done))
+
+
+def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
+    try:
+        continuation: Continuation = computation.result()
+    except Exception:
+        # The log is whole: the next request for this session's screen starts the computation again.
+        log.exception("session %s: the next query could not be computed", live.record.id)
+        with live.lock:
+            live.ahead = {}
+        return
+    with live.lock:
+        if next_action(live.study, live.state) is not Action.PREPARE:
+            return
+        if continuation.prepared.query_index != live.state.query_index:
+            return
+        try:
+            runtime.append(live, *entry(continuation))
+        except PositionTakenError:
+            log.info("session %s: another process prepared the query first", live.record.id)
+            return
+    announce(runtime, live, continuation)
+
+
+def entry(continuation: Continuation) -> tuple[list[Event], PosteriorRecord | None]:
+    """Returns what a continuation adds to the log, and the posterior that is stored with it."""
+    prepared, posterior = continuation.prepared, continuation.posterior
+    return [prepared], None if posterior is None else posterior_record(prepared.query_index, posterior)
+
+
+def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
+    """Returns a posterior as it is stored."""
+    diagnostics = posterior.diagnostics
+    summary = {
+        "r_hat": _finite(diagnostics.r_hat),
+        "ess_bulk": _finite(diagnostics.ess_bulk),
+        "ess_tail": _finite(diagnostics.ess_tail),
+        "acceptance": diagnostics.acceptance,
+        "has_converged": diagnostics.has_converged,
+    }
+    return PosteriorRecord(query_index, posterior.mean, posterior.samples, summary)
+
+
+def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
+    """Shows a query that has just become the current one, then looks ahead from it."""
+    runtime.on_change(live.record.id)
+    with live.lock:
+        if live.state.current is continuation.prepared:
+            look_ahead(runtime, live, continuation.posterior)
+
+
+def _request(live: LiveSession, query_index: int, comparisons: ComparisonSet, needs_posterior: bool) -> Request:
+    n_active = live.study.protocol.active_queries
+    test_query = live.opened.test_set[query_index - n_active] if query_index >= n_active else None
+    return Request(
+        live.study.text, live.record.ordinal, query_index, comparisons, needs_posterior, test_query
+    )
+
+
+def _submit(runtime: Runtime, request: Request, urgency: float) -> Computation:
+    return runtime.engine.submit(request.key, runtime.continue_fn, request, urgency)
+
+
+def _finite(values: np.ndarray) -> list[float | None]:
+    """Returns numbers as JSON knows them; what isn't finite (a weight that never moved) is null."""
+    return [float(value) if np.isfinite(value) else None for value in values]

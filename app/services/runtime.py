@@ -1,0 +1,147 @@
+"""What the services of one process share: the store, the engine, and the sessions that are live here."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+from app.services.continuation import Computation, ContinueFn, Engine, TestSetFn
+from app.store import NewEvent, PosteriorRecord, SessionRecord, Store
+from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.queries import ProposedQuery
+from study_core.session import Event, SessionState, apply, reduce
+from study_core.study import Study, parse_study
+
+_MOST_LIVE_SESSIONS = 2000
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class OpenStudy:
+    """A study in use: its definition and its common test set."""
+
+    study: Study
+    test_set: tuple[ProposedQuery, ...]
+
+
+@dataclass
+class LiveSession:
+    """A session that this process has read: its state, and what is being computed for it.
+
+    Everything but `record` and `opened` is guarded by `lock`.
+
+    Attributes:
+        record: The stored session.
+        opened: Its study.
+        state: Its log, reduced.
+        ahead: The continuation after each possible answer to the current query; under None, one that doesn't depend
+            on an answer.
+    """
+
+    record: SessionRecord
+    opened: OpenStudy
+    state: SessionState
+    ahead: dict[Choice | None, Computation] = field(default_factory=dict)
+    lock: threading.RLock = field(default_factory=threading.RLock)
+
+    @property
+    def study(self) -> Study:
+        """Returns the study that the session was created under."""
+        return self.opened.study
+
+
+class Runtime:
+    """Resources of the services. Nothing in it is precious: all of it can be read again from the store."""
+
+    def __init__(
+        self,
+        store: Store,
+        engine: Engine,
+        continue_fn: ContinueFn,
+        test_set_fn: TestSetFn,
+        on_change: Callable[[str], None] = lambda session_id: None,
+    ) -> None:
+        """Joins the parts.
+
+        Args:
+            store: Where events go.
+            engine: Where continuations are computed.
+            continue_fn: Computes a continuation.
+            test_set_fn: Computes a study's common test set.
+            on_change: Told the id of a session whose log has grown, after it is durable.
+        """
+        self.store = store
+        self.engine = engine
+        self.continue_fn = continue_fn
+        self.on_change = on_change
+        self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
+        self._test_set_fn = test_set_fn
+        self._studies: dict[str, OpenStudy] = {}
+        self._live: OrderedDict[str, LiveSession] = OrderedDict()
+        self._lock = threading.RLock()
+
+    def close(self) -> None:
+        """Waits for background work; the store and the engine belong to the caller."""
+        self.background.shutdown(wait=True)
+
+    def open_study(self, study: Study) -> OpenStudy:
+        """Stores a study, and computes its test set unless it is stored already."""
+        with self._lock:
+            if study.hash not in self._studies:
+                self.store.put_study(study.hash, study.name, study.text)
+                self._studies[study.hash] = OpenStudy(study, self._test_set(study))
+            return self._studies[study.hash]
+
+    def _test_set(self, study: Study) -> tuple[ProposedQuery, ...]:
+        key = f"test-set-{study.hash}"
+        stored = self.store.artifact(key)
+        if stored is None:
+            computed = self.engine.submit(key, self._test_set_fn, study.text, urgency=1.0).result()
+            self.store.put_artifact(key, "test_set", session_codec.test_set_to_bytes(computed))
+            return tuple(computed)
+        return session_codec.test_set_from_bytes(stored)
+
+    def live(self, session_id: str) -> LiveSession:
+        """Returns a session with its state, read from the store unless it is live already."""
+        with self._lock:
+            if session_id not in self._live:
+                self._live[session_id] = self._read(session_id)
+                if len(self._live) > _MOST_LIVE_SESSIONS:
+                    self._live.popitem(last=False)
+            self._live.move_to_end(session_id)
+            return self._live[session_id]
+
+    def _read(self, session_id: str) -> LiveSession:
+        record = self.store.session(session_id)
+        study = parse_study(self.store.study_text(record.study_hash))
+        return LiveSession(record, self.open_study(study), self._stored_state(study, session_id))
+
+    def _stored_state(self, study: Study, session_id: str) -> SessionState:
+        events = (session_codec.from_json(e.kind, e.payload) for e in self.store.events(session_id))
+        return reduce(study, events)
+
+    def append(
+        self, live: LiveSession, events: list[Event], posterior: PosteriorRecord | None = None
+    ) -> None:
+        """Appends events durably and moves the live state on; the caller holds the session's lock.
+
+        Raises:
+            PositionTakenError: Another process wrote first; the live state has been read again.
+        """
+        state = live.state
+        for event in events:
+            state = apply(live.study, state, event)
+        new = [NewEvent(session_codec.kind_of(event), session_codec.to_json(event)) for event in events]
+        try:
+            self.store.append(live.record.id, live.state.n_events, new, posterior)
+        except Exception:
+            live.state = self._stored_state(live.study, live.record.id)
+            raise
+        live.state = state
+

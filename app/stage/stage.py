@@ -1,0 +1,239 @@
+"""One participant's stage: a viser server on the loopback address that plays one clip at a time.
+
+How clips change without a flicker. viser's browser client parses a GLB asynchronously and shows nothing of it
+until it is done, so replacing a clip under its own name leaves some frames empty. Therefore two names take
+turns: the new clip is added hidden, gets `REVEAL_S` to load, and is then revealed in the same message batch
+that removes the old one. A clip's clock starts when it has loaded, hidden or not; a clip holds its first
+pose for longer than that, and positions for pause and resume account for it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import rich
+import viser
+
+from app.errors import AppError
+from app.stage.clip import build_clip, duration_s
+from app.stage.framing import CAMERA, Layout
+from study_core.scene import Scene
+
+REVEAL_S = 0.25
+"""How long a new clip may load before it takes the old one's place."""
+
+_HOST = "127.0.0.1"
+_FIRST_PORT = 8180
+
+
+class StageError(AppError):
+    """The stage can't do what it was asked."""
+
+
+class StageBusyError(StageError):
+    """Every stage this process may hold is in use."""
+
+    def __init__(self, capacity: int) -> None:
+        super().__init__(
+            f"All {capacity} stages are in use. Try again when someone has finished, or raise the number of stages."
+        )
+
+
+class StageClosedError(StageError):
+    """A stage was used after it had been closed."""
+
+    def __init__(self) -> None:
+        super().__init__("This stage has been closed. Enter it again through its keeper.")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What a participant is to see: one query, A and B as shown (not as stored).
+
+    Attributes:
+        query_index: The query's number in its session; tells one picture from the next.
+        a: The scene under the letter A.
+        b: The scene under the letter B.
+    """
+
+    query_index: int
+    a: Scene
+    b: Scene
+
+
+@dataclass
+class _Play:
+    """Where the current clip is in its loop."""
+
+    start_s: float
+    since: float
+    is_frozen: bool
+
+
+class Stage:
+    """Shows pictures to one participant. Every method may be called from any thread and returns at once."""
+
+    def __init__(self, layout: Layout = Layout.WIDE, clock: Callable[[], float] = time.monotonic) -> None:
+        """Starts the viser server; takes some ten milliseconds.
+
+        Args:
+            layout: First arrangement of the sides.
+            clock: Seconds from any origin.
+        """
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._layout = layout
+        self._picture: Picture | None = None
+        self._play = _Play(0.0, clock(), False)
+        self._shown: viser.GlbHandle | None = None
+        self._coming: viser.GlbHandle | None = None
+        self._leaving: viser.GlbHandle | None = None
+        self._turn = 0
+        self._is_closed = False
+        self._server = _quiet_server()
+        self.port: int = self._server.get_port()
+        self._server.on_client_connect(self._welcome)
+
+    @property
+    def picture(self) -> Picture | None:
+        """What is on the stage."""
+        return self._picture
+
+    @property
+    def layout(self) -> Layout:
+        """How the sides are arranged now."""
+        return self._layout
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether the clip stands still."""
+        return self._play.is_frozen
+
+    def show(self, picture: Picture) -> None:
+        """Shows a picture from its beginning, in place of the last one."""
+        with self._lock:
+            self._picture = picture
+            self._change(0.0, False)
+
+    def replay(self) -> None:
+        """Starts the clip again from its beginning."""
+        with self._lock:
+            self._change(0.0, False)
+
+    def pause(self) -> None:
+        """Stops the clip where it will be when the still one is revealed, so that nothing jumps."""
+        with self._lock:
+            if not self._play.is_frozen:
+                self._change(self._position_s() + REVEAL_S, True)
+
+    def resume(self) -> None:
+        """Goes on from where the clip was paused."""
+        with self._lock:
+            if self._play.is_frozen:
+                self._change(self._play.start_s - REVEAL_S, False)
+
+    def set_layout(self, layout: Layout) -> None:
+        """Rearranges the sides; at once, because a picture in the wrong shape is worse than a blink."""
+        with self._lock:
+            if layout is not self._layout:
+                self._layout = layout
+                self._change(self._position_s(), self._play.is_frozen, at_once=True)
+
+    def close(self) -> None:
+        """Stops the server and drops its clients; may take a second. Closing twice does no harm."""
+        with self._lock:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            self._turn += 1
+        self._server.stop()
+
+    def _position_s(self) -> float:
+        """Where the clip is in its loop."""
+        if self._play.is_frozen:
+            return self._play.start_s
+        return self._play.start_s + self._clock() - self._play.since
+
+    def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
+        """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""
+        if self._is_closed:
+            raise StageClosedError
+        if self._picture is None:
+            return
+        a, b = self._picture.a, self._picture.b
+        start_s %= duration_s(a, b)
+        clip = build_clip(a, b, self._layout, start_s, is_frozen)
+        self._turn += 1
+        self._play = _Play(start_s, self._clock(), is_frozen)
+        with self._server.atomic():
+            for old in (self._coming, self._leaving):
+                _remove(old)
+            self._leaving = None
+            self._coming = self._server.scene.add_glb(
+                self._free_name(), clip, visible=False, cast_shadow=False, receive_shadow=False
+            )
+            if at_once or self._shown is None:
+                self._reveal(self._turn)
+                return
+        self._later(self._reveal)
+
+    def _later(self, step: Callable[[int], None]) -> None:
+        """Runs a step in a while, in the viser server's own thread."""
+        loop = self._server.get_event_loop()
+        loop.call_soon_threadsafe(loop.call_later, REVEAL_S, step, self._turn)
+
+    def _free_name(self) -> str:
+        return "/even" if self._shown is not None and self._shown.name == "/odd" else "/odd"
+
+    def _reveal(self, turn: int) -> None:
+        """Swaps the loaded clip for the old one, unless a newer one has been called for meanwhile."""
+        with self._lock:
+            if turn != self._turn or self._coming is None or self._is_closed:
+                return
+            with self._server.atomic():
+                self._coming.visible = True
+                if self._shown is not None:
+                    self._shown.visible = False
+            self._shown, self._leaving, self._coming = self._coming, self._shown, None
+            self._later(self._tidy)
+
+    def _tidy(self, turn: int) -> None:
+        """Removes the hidden old clip, unless a newer change has done so already."""
+        with self._lock:
+            if turn == self._turn and not self._is_closed:
+                _remove(self._leaving)
+                self._leaving = None
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        """A browser has (re)connected: its clip starts anew, and its camera can't be moved."""
+        distance = CAMERA.position[2]
+        client.camera.min_orbit_distance = distance
+        client.camera.max_orbit_distance = distance
+        with self._lock:
+            self._play.since = self._clock()
+
+
+def _remove(handle: viser.GlbHandle | None) -> None:
+    if handle is not None:
+        handle.remove()
+
+
+def _quiet_server() -> viser.ViserServer:
+    """A viser server with nothing in it but the camera's place."""
+    # viser announces every server's address with `rich.print`, whatever `verbose` says.
+    rich.get_console().quiet = True
+    server = viser.ViserServer(host=_HOST, port=_FIRST_PORT, verbose=False)
+    server.scene.world_axes.visible = False
+    # Clips bring their own light; the default environment map and lights would only cost time.
+    server.scene.configure_default_lights(enabled=False)
+    server.scene.configure_environment_map(hdri=None)
+    server.initial_camera.up = CAMERA.up
+    server.initial_camera.position = CAMERA.position
+    server.initial_camera.look_at = CAMERA.look_at
+    server.initial_camera.fov = CAMERA.fov_rad
+    server.initial_camera.near = CAMERA.near
+    server.initial_camera.far = CAMERA.far
+    return server

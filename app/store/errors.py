@@ -1,0 +1,14 @@
+"""What the store refuses, by name."""
+
+from app.errors import AppError
+
+
+class StoreError(AppError):
+    """The database can't be used as asked; the message carries the remedy."""
+
+
+class PositionTakenError(StoreError):
+    """Somebody else wrote here first: the log's position, or the answer to the query, is taken.
+
+    A double press, a second tab or a late retry ends here. Nothing was written; read the log again.
+    """

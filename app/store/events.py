@@ -1,0 +1,93 @@
+"""A session's log: append-only, one writer per position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from app.store import posteriors, sessions
+from app.store.codec import decode_json, encode_json
+from app.store.errors import PositionTakenError, StoreError
+from app.store.models import EventRow
+from app.store.records import EventRecord, NewEvent, PosteriorRecord
+from app.store.utc import now
+
+_ANSWER = "answer_given"
+_PREPARED = "query_prepared"
+
+
+def of_session(rows: Session, session_id: str) -> tuple[EventRecord, ...]:
+    """The whole log in order."""
+    sessions.by_id(rows, session_id)
+    query = select(EventRow).where(EventRow.session_id == session_id).order_by(EventRow.position)
+    return tuple(_record(row) for row in rows.scalars(query))
+
+
+def append(
+    rows: Session,
+    session_id: str,
+    expected_position: int,
+    events: Sequence[NewEvent],
+    posterior: PosteriorRecord | None,
+) -> tuple[EventRecord, ...]:
+    """Adds events at the end of the log, with the posterior that belongs to them."""
+    sessions.by_id(rows, session_id)
+    length = _length(rows, session_id)
+    if length != expected_position:
+        raise PositionTakenError(
+            f"Expected the log of session {session_id} to have {expected_position} events, "
+            f"it has {length}. Read the log again."
+        )
+    at = now()
+    added = [_row(session_id, expected_position + offset, event, at) for offset, event in enumerate(events)]
+    rows.add_all(added)
+    if posterior is not None:
+        posteriors.add(rows, session_id, posterior)
+    _flush(rows, session_id)
+    return tuple(_record(row) for row in added)
+
+
+def _flush(rows: Session, session_id: str) -> None:
+    try:
+        rows.flush()
+    except IntegrityError as error:
+        raise PositionTakenError(
+            f"Expected new events for session {session_id}, got one already in the log: {error.orig}. "
+            "A query is prepared once and answered once; read the log again."
+        ) from error
+
+
+def _length(rows: Session, session_id: str) -> int:
+    last = rows.scalar(select(func.max(EventRow.position)).where(EventRow.session_id == session_id))
+    return 0 if last is None else last + 1
+
+
+def _row(session_id: str, position: int, event: NewEvent, at: datetime) -> EventRow:
+    return EventRow(
+        session_id=session_id,
+        position=position,
+        kind=event.kind,
+        payload=encode_json(event.payload),
+        at=at,
+        answered_query=_query_index(event.payload) if event.kind == _ANSWER else None,
+        prepared_query=_query_index(event.payload) if event.kind == _PREPARED else None,
+    )
+
+
+def _query_index(payload: dict[str, Any]) -> int:
+    value = payload.get("query_index")
+    if type(value) is not int:
+        raise StoreError(
+            f"Expected an integer 'query_index' in the payload of '{_ANSWER}' and '{_PREPARED}', "
+            f"got {value!r}. Put the query's own number there."
+        )
+    return value
+
+
+def _record(row: EventRow) -> EventRecord:
+    return EventRecord(position=row.position, kind=row.kind, payload=decode_json(row.payload), at=row.at)

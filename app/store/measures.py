@@ -1,0 +1,38 @@
+"""What browsers measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.store import sessions
+from app.store.codec import decode_json, encode_json
+from app.store.models import BrowserMeasureRow
+from app.store.records import MeasureRecord
+from app.store.utc import now
+
+
+def add(rows: Session, session_id: str, query_index: int, measures: dict[str, Any]) -> None:
+    """Adds one report of a browser; a query may have several."""
+    sessions.by_id(rows, session_id)
+    rows.add(
+        BrowserMeasureRow(
+            session_id=session_id, query_index=query_index, measures=encode_json(measures), at=now()
+        )
+    )
+
+
+def of_session(rows: Session, session_id: str) -> tuple[MeasureRecord, ...]:
+    """A session's reports in the order they came."""
+    sessions.by_id(rows, session_id)
+    query = (
+        select(BrowserMeasureRow)
+        .where(BrowserMeasureRow.session_id == session_id)
+        .order_by(BrowserMeasureRow.id)
+    )
+    return tuple(
+        MeasureRecord(query_index=row.query_index, measures=decode_json(row.measures), at=row.at)
+        for row in rows.scalars(query)
+    )

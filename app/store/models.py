@@ -1,0 +1,123 @@
+"""The tables. Rows of these classes never leave the store.
+
+A session's log is append-only. Two guards stand in the tables themselves: a position is taken once, and a
+query is prepared once and answered once per session (`prepared_query` and `answered_query` are null for other
+events, and nulls never clash).
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import (
+    CheckConstraint,
+    ForeignKey,
+    LargeBinary,
+    MetaData,
+    String,
+    Text,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from app.store.utc import UtcDateTime
+
+# Every constraint has a name, so that a later revision can drop it by that name on any database.
+NAMING_CONVENTION = {
+    "ix": "ix_%(column_0_label)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "ck": "ck_%(table_name)s_%(constraint_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class Base(DeclarativeBase):
+    """Root of the mapped classes."""
+
+    metadata = MetaData(naming_convention=NAMING_CONVENTION)
+
+
+class StudyRow(Base):
+    """A study definition's text, kept for ever under its hash."""
+
+    __tablename__ = "studies"
+
+    study_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
+    name: Mapped[str] = mapped_column(Text)
+    text: Mapped[str] = mapped_column(Text)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class SessionRow(Base):
+    """One person's run; only the hash of the person's token is kept."""
+
+    __tablename__ = "sessions"
+    __table_args__ = (
+        UniqueConstraint("study_hash", "ordinal"),
+        UniqueConstraint("token_hash"),
+        CheckConstraint("ordinal >= 1", name="ordinal_from_one"),
+    )
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    study_hash: Mapped[str] = mapped_column(ForeignKey("studies.study_hash"))
+    ordinal: Mapped[int]
+    token_hash: Mapped[str] = mapped_column(String(64))
+    is_rehearsed: Mapped[bool]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class EventRow(Base):
+    """One entry of a session's log."""
+
+    __tablename__ = "events"
+    __table_args__ = (
+        UniqueConstraint("session_id", "answered_query"),
+        UniqueConstraint("session_id", "prepared_query"),
+        CheckConstraint("position >= 0", name="position_from_zero"),
+    )
+
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    position: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    kind: Mapped[str] = mapped_column(String(64))
+    payload: Mapped[str] = mapped_column(Text)
+    at: Mapped[datetime] = mapped_column(UtcDateTime)
+    answered_query: Mapped[int | None]
+    prepared_query: Mapped[int | None]
+
+
+class PosteriorRow(Base):
+    """The posterior a query was chosen from; see `codec` for the blobs."""
+
+    __tablename__ = "posteriors"
+
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    query_index: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    n_samples: Mapped[int]
+    n_dims: Mapped[int]
+    mean: Mapped[bytes] = mapped_column(LargeBinary)
+    samples: Mapped[bytes] = mapped_column(LargeBinary)
+    summary: Mapped[str] = mapped_column(Text)
+
+
+class ArtifactRow(Base):
+    """A computed result named by the hash of what it was computed from."""
+
+    __tablename__ = "artifacts"
+
+    key: Mapped[str] = mapped_column(String(255), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(64))
+    content: Mapped[bytes] = mapped_column(LargeBinary)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class BrowserMeasureRow(Base):
+    """What a browser measured; kept apart from the log, which holds only what the study depends on."""
+
+    __tablename__ = "browser_measures"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), index=True)
+    query_index: Mapped[int]
+    measures: Mapped[str] = mapped_column(Text)
+    at: Mapped[datetime] = mapped_column(UtcDateTime)

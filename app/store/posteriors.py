@@ -1,0 +1,52 @@
+"""Posteriors, one per query of a session."""
+
+from __future__ import annotations
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.store import sessions
+from app.store.codec import decode_floats, decode_json, encode_floats, encode_json
+from app.store.errors import StoreError
+from app.store.models import PosteriorRow
+from app.store.records import PosteriorRecord
+
+
+def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
+    """Adds the posterior of a query."""
+    mean, samples = posterior.mean, posterior.samples
+    if mean.ndim != 1 or samples.ndim != 2 or samples.shape[1] != mean.shape[0]:
+        raise StoreError(
+            f"Expected a mean of shape (d,) and samples of shape (m, d), got {mean.shape} and "
+            f"{samples.shape}. Put one sample in each row."
+        )
+    n_samples, n_dims = samples.shape
+    rows.add(
+        PosteriorRow(
+            session_id=session_id,
+            query_index=posterior.query_index,
+            n_samples=n_samples,
+            n_dims=n_dims,
+            mean=encode_floats(mean),
+            samples=encode_floats(samples),
+            summary=encode_json(posterior.summary),
+        )
+    )
+
+
+def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:
+    """A session's posteriors by query index."""
+    sessions.by_id(rows, session_id)
+    query = (
+        select(PosteriorRow).where(PosteriorRow.session_id == session_id).order_by(PosteriorRow.query_index)
+    )
+    return tuple(_record(row) for row in rows.scalars(query))
+
+
+def _record(row: PosteriorRow) -> PosteriorRecord:
+    return PosteriorRecord(
+        query_index=row.query_index,
+        mean=decode_floats(row.mean, (row.n_dims,)),
+        samples=decode_floats(row.samples, (row.n_samples, row.n_dims)),
+        summary=decode_json(row.summary),
+    )

@@ -1,0 +1,165 @@
+"""The store: the one way to what the application keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Self
+
+from app.store import artifacts, events, measures, posteriors, sessions, studies
+from app.store.engine import Database, parse_url
+from app.store.migrate import ensure_schema, head_version
+from app.store.records import EventRecord, MeasureRecord, NewEvent, PosteriorRecord, SessionRecord
+
+
+def open_store(url: str) -> Store:
+    """Opens a database; an empty or missing one gets its tables.
+
+    Args:
+        url: The database's URL, such as `sqlite:///study.db`.
+
+    Returns:
+        The store; close it when done, or use it as a context manager.
+
+    Raises:
+        StoreError: When the database can't be opened, is another program's or has another schema version.
+    """
+    parsed = parse_url(url)
+    ensure_schema(parsed)
+    return Store(Database(parsed), head_version())
+
+
+class Store:
+    """Everything the application keeps, for any number of threads.
+
+    Every method is one transaction. What a writing method has returned from is on the disk. Methods raise
+    `StoreError` when the database fails them or a session or study isn't known.
+    """
+
+    def __init__(self, database: Database, schema_version: str) -> None:
+        """Wraps an open database; use `open_store`.
+
+        Args:
+            database: An open database with the right schema.
+            schema_version: The version of that schema.
+        """
+        self._database = database
+        self.schema_version = schema_version
+
+    def __enter__(self) -> Self:
+        """Gives the store itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Closes the store."""
+        self.close()
+
+    def close(self) -> None:
+        """Closes every connection, after the write that is under way; later calls are refused."""
+        self._database.close()
+
+    def put_study(self, study_hash: str, name: str, text: str) -> None:
+        """Keeps a study's text under its hash; doing it twice changes nothing.
+
+        Raises:
+            StoreError: When another text is kept under the hash.
+        """
+        with self._database.writing() as rows:
+            studies.put(rows, study_hash, name, text)
+
+    def study_text(self, study_hash: str) -> str:
+        """The study text kept under a hash."""
+        with self._database.reading() as rows:
+            return studies.text(rows, study_hash)
+
+    def create_session(self, study_hash: str, token_hash: str, is_rehearsed: bool) -> SessionRecord:
+        """Begins a session under the next free number of its study.
+
+        Args:
+            study_hash: A study that was put before.
+            token_hash: Hash of the person's secret token; the token itself never comes here.
+            is_rehearsed: Whether a simulated or scripted person walks it.
+
+        Raises:
+            StoreError: When the study isn't known or the token is taken.
+        """
+        with self._database.writing() as rows:
+            return sessions.create(rows, study_hash, token_hash, is_rehearsed)
+
+    def session_by_token(self, token_hash: str) -> SessionRecord | None:
+        """The session a token opens, or None."""
+        with self._database.reading() as rows:
+            return sessions.by_token(rows, token_hash)
+
+    def session(self, session_id: str) -> SessionRecord:
+        """The session of this id."""
+        with self._database.reading() as rows:
+            return sessions.by_id(rows, session_id)
+
+    def sessions(self, study_hash: str | None = None) -> list[SessionRecord]:
+        """All sessions, or those of one study, oldest first."""
+        with self._database.reading() as rows:
+            return sessions.every(rows, study_hash)
+
+    def events(self, session_id: str) -> tuple[EventRecord, ...]:
+        """A session's log, ordered by position."""
+        with self._database.reading() as rows:
+            return events.of_session(rows, session_id)
+
+    def append(
+        self,
+        session_id: str,
+        expected_position: int,
+        new_events: Sequence[NewEvent],
+        posterior: PosteriorRecord | None = None,
+    ) -> tuple[EventRecord, ...]:
+        """Appends events to a session's log, all or none.
+
+        Args:
+            session_id: The session.
+            expected_position: How long the log is, as far as the caller knows.
+            new_events: What happened, in order.
+            posterior: The posterior that a prepared query among the events was chosen from.
+
+        Returns:
+            The events as the log now holds them.
+
+        Raises:
+            PositionTakenError: When the log isn't of the expected length, or a query in the events was
+                already prepared or answered. Nothing was written.
+        """
+        with self._database.writing() as rows:
+            return events.append(rows, session_id, expected_position, new_events, posterior)
+
+    def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
+        """A session's posteriors, ordered by query index."""
+        with self._database.reading() as rows:
+            return posteriors.of_session(rows, session_id)
+
+    def put_artifact(self, key: str, kind: str, content: bytes) -> None:
+        """Keeps a computed result; the first one kept under a key stays.
+
+        Args:
+            key: Hash of everything the result was computed from.
+            kind: What sort of result it is, such as `test_set`.
+            content: The result.
+        """
+        with self._database.writing() as rows:
+            artifacts.put(rows, key, kind, content)
+
+    def artifact(self, key: str) -> bytes | None:
+        """The result kept under a key, or None."""
+        with self._database.reading() as rows:
+            return artifacts.content(rows, key)
+
+    def record_measures(self, session_id: str, query_index: int, report: dict[str, Any]) -> None:
+        """Keeps what a browser measured while it showed a query; reports add up, none replaces another."""
+        with self._database.writing() as rows:
+            measures.add(rows, session_id, query_index, report)
+
+    def measures(self, session_id: str) -> tuple[MeasureRecord, ...]:
+        """What browsers measured in a session, in the order it came."""
+        with self._database.reading() as rows:
+            return measures.of_session(rows, session_id)

@@ -1,0 +1,29 @@
+"""Study definitions: the text of each, kept for ever."""
+
+from __future__ import annotations
+
+from sqlalchemy.orm import Session
+
+from app.store.errors import StoreError
+from app.store.models import StudyRow
+from app.store.utc import now
+
+
+def put(rows: Session, study_hash: str, name: str, text: str) -> None:
+    """Keeps a study's text; keeping it again changes nothing."""
+    known = rows.get(StudyRow, study_hash)
+    if known is None:
+        rows.add(StudyRow(study_hash=study_hash, name=name, text=text, created_at=now()))
+    elif known.text != text:
+        raise StoreError(
+            f"Expected the text kept under the study hash {study_hash}, got a different one. "
+            "Hash the whole text."
+        )
+
+
+def text(rows: Session, study_hash: str) -> str:
+    """The text kept under a hash."""
+    known = rows.get(StudyRow, study_hash)
+    if known is None:
+        raise StoreError(f"Expected a known study, got the hash {study_hash}. Put the study first.")
+    return known.text

@@ -1,0 +1,44 @@
+"""Tells waiting requests that a session's log has grown."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+
+
+class Changes:
+    """Events of one event loop, set from any thread."""
+
+    def __init__(self) -> None:
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting: dict[str, set[asyncio.Event]] = defaultdict(set)
+
+    def start(self) -> None:
+        """Binds to the running loop; changes before that reach nobody, because nobody waits yet."""
+        self._loop = asyncio.get_running_loop()
+
+    def notify(self, session_id: str) -> None:
+        """Wakes everyone who waits for the session; callable from any thread."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._wake, session_id)
+
+    def wake_all(self) -> None:
+        """Wakes everyone, so that no request outlives the server."""
+        for session_id in list(self._waiting):
+            self._wake(session_id)
+
+    def listen(self, session_id: str) -> asyncio.Event:
+        """Returns an event that is set at the session's next change; hand it back to `forget`."""
+        event = asyncio.Event()
+        self._waiting[session_id].add(event)
+        return event
+
+    def forget(self, session_id: str, event: asyncio.Event) -> None:
+        """Stops listening."""
+        self._waiting[session_id].discard(event)
+        if not self._waiting[session_id]:
+            del self._waiting[session_id]
+
+    def _wake(self, session_id: str) -> None:
+        for event in self._waiting.get(session_id, ()):
+            event.set()

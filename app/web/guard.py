@@ -1,0 +1,85 @@
+"""What every request must pass: the same origin for anything that writes, small bodies, few joins, safe headers."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict, deque
+from collections.abc import Awaitable, Callable
+
+from fastapi import Request
+from fastapi.responses import JSONResponse, Response
+
+from app.stage.proxy import is_same_origin
+
+_LARGEST_BODY = 64 * 1024
+_JOINS_PER_MINUTE = 120
+_ADDRESSES_REMEMBERED = 10_000
+
+_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'self'; img-src 'self' data:; frame-src 'self'; frame-ancestors 'self'; base-uri 'none'; "
+        "form-action 'self'; object-src 'none'"
+    ),
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
+}
+
+
+def error_response(status: int, code: str, message: str) -> JSONResponse:
+    """Returns the one JSON shape of every error."""
+    return JSONResponse({"error": {"code": code, "message": message}}, status_code=status)
+
+
+class Guard:
+    """Middleware of the whole site."""
+
+    def __init__(self, public_url: str | None) -> None:
+        self._public_url = public_url
+
+    async def __call__(
+        self, request: Request, call_next: Callable[[Request], Awaitable[Response]]
+    ) -> Response:
+        """Refuses what can't come from our own pages, else adds the headers that keep them safe."""
+        refusal = self._refusal(request)
+        response = refusal or await call_next(request)
+        for name, value in _HEADERS.items():
+            response.headers.setdefault(name, value)
+        if not request.url.path.startswith("/static/"):
+            response.headers.setdefault("Cache-Control", "no-store")
+        return response
+
+    def _refusal(self, request: Request) -> Response | None:
+        if request.method in ("GET", "HEAD", "OPTIONS"):
+            return None
+        origin = request.headers.get("origin")
+        if origin is not None and not is_same_origin(origin, request.headers.get("host"), self._public_url):
+            return error_response(403, "foreign-origin", "This request must come from the study's own page.")
+        length = request.headers.get("content-length", "")
+        if not length.isdigit():
+            return error_response(411, "length-required", "This request must say how long it is.")
+        if int(length) > _LARGEST_BODY:
+            return error_response(413, "too-large", f"At most {_LARGEST_BODY} bytes are taken.")
+        return None
+
+
+class JoinLimit:
+    """At most so many new sessions a minute from one address."""
+
+    def __init__(self, per_minute: int = _JOINS_PER_MINUTE) -> None:
+        self._per_minute = per_minute
+        self._joins: OrderedDict[str, deque[float]] = OrderedDict()
+
+    def allows(self, address: str) -> bool:
+        """Returns whether one more join is allowed now, and counts it if so."""
+        now = time.monotonic()
+        recent = self._joins.setdefault(address, deque())
+        self._joins.move_to_end(address)
+        while len(self._joins) > _ADDRESSES_REMEMBERED:
+            self._joins.popitem(last=False)
+        while recent and now - recent[0] > 60.0:
+            recent.popleft()
+        if len(recent) >= self._per_minute:
+            return False
+        recent.append(now)
+        return True

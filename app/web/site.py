@@ -1,0 +1,263 @@
+"""The web application: participant pages, their JSON API, and the way to their stage."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from fastapi import Depends, FastAPI, HTTPException, Request, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.staticfiles import StaticFiles
+from fastapi.templating import Jinja2Templates
+from pydantic import BaseModel, ConfigDict
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException as StarletteHTTPException
+
+from app.services import study as services
+from app.services.runtime import Runtime
+from app.settings import STATIC
+from app.stage import proxy
+from app.stage.keeper import Action, StageKeeper
+from app.stage.stage import StageBusyError
+from app.store import SessionRecord
+from app.web.changes import Changes
+from app.web.guard import Guard, JoinLimit, error_response
+from study_core.study import Study
+
+_LONGEST_POLL_S = 20.0
+_SECONDS_PER_QUERY = 14
+_UNKNOWN_LINK = (
+    "This link doesn’t open a session here",
+    "Check that the whole link was copied, or ask the person who sent it to you for a new one.",
+)
+
+templates = Jinja2Templates(STATIC / "templates")
+
+
+@dataclass(frozen=True)
+class SiteParts:
+    """What the site is made of.
+
+    Attributes:
+        runtime: The services' resources.
+        keeper: The stages.
+        changes: Wakes long polls.
+        study: The study that people can join.
+        public_url: Address that participants use, if it isn't the one the server listens on.
+        on_shutdown: Called when the server has stopped accepting.
+    """
+
+    runtime: Runtime
+    keeper: StageKeeper
+    changes: Changes
+    study: Study
+    public_url: str | None
+    on_shutdown: Callable[[], None]
+
+
+class AnswerBody(BaseModel):
+    """An answer as the page sends it; `client` is what the browser measured."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    query_index: int
+    choice: str
+    response_time_ms: int
+    client: dict[str, Any] | None = None
+
+
+class StageBody(BaseModel):
+    """What the page asks of its stage."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    action: Action
+
+
+def create_site(parts: SiteParts) -> FastAPI:
+    """Returns the application, ready to be served."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        parts.changes.start()
+        yield
+        parts.changes.wake_all()
+        await run_in_threadpool(parts.on_shutdown)
+
+    site = FastAPI(title="prefstudy", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    site.state.parts = parts
+    site.middleware("http")(Guard(parts.public_url))
+    site.mount("/static", StaticFiles(directory=STATIC), name="static")
+    _add_error_pages(site)
+    _add_join_pages(site, parts)
+    _add_participant_pages(site, parts)
+    _add_stage(site, parts)
+    return site
+
+
+def _message(request: Request, title: str, text: str, status: int = 200) -> HTMLResponse:
+    return templates.TemplateResponse(request, "message.html", {"title": title, "text": text}, status)
+
+
+def _add_error_pages(site: FastAPI) -> None:
+    """Every error is a page for people and one JSON shape for programs; neither shows an exception's text."""
+
+    @site.exception_handler(StarletteHTTPException)
+    async def http_error(request: Request, error: StarletteHTTPException) -> Response:
+        title, text = error.detail if isinstance(error.detail, tuple) else ("Nothing here", "Check the address.")
+        if "text/html" in request.headers.get("accept", ""):
+            return _message(request, title, text, error.status_code)
+        return error_response(error.status_code, f"http-{error.status_code}", f"{title}. {text}")
+
+    @site.exception_handler(RequestValidationError)
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        problem = error.errors()[0]
+        where = ".".join(str(part) for part in problem["loc"] if part != "body")
+        return error_response(422, "invalid-request", f"{where or 'body'}: {problem['msg']}.")
+
+    @site.exception_handler(services.InvalidAnswerError)
+    async def invalid_answer(request: Request, error: services.InvalidAnswerError) -> Response:
+        return error_response(422, "invalid-answer", str(error))
+
+    @site.exception_handler(Exception)
+    async def failure(request: Request, error: Exception) -> Response:
+        text = "Something went wrong on our side. Your answers so far are saved; please try again in a moment."
+        if "text/html" in request.headers.get("accept", ""):
+            return _message(request, "Please try again", text, 500)
+        return error_response(500, "internal", text)
+
+
+def _add_join_pages(site: FastAPI, parts: SiteParts) -> None:
+    limit = JoinLimit()
+
+    def joinable(name: str) -> Study:
+        if name != parts.study.name:
+            raise HTTPException(404, _UNKNOWN_LINK)
+        return parts.study
+
+    @site.get("/healthz")
+    def health() -> dict[str, str]:
+        return {"status": "ok", "study": parts.study.name}
+
+    @site.get("/join/{name}")
+    def welcome(request: Request, name: str) -> Response:
+        return _welcome(request, joinable(name))
+
+    @site.post("/join/{name}")
+    def join(request: Request, name: str) -> Response:
+        study = joinable(name)
+        if not limit.allows(request.client.host if request.client else ""):
+            raise HTTPException(429, ("Many people are joining just now", "Please try again in a minute."))
+        token, _ = services.join(parts.runtime, study)
+        return RedirectResponse(f"/s/{token}/", status_code=303)
+
+
+def _welcome(request: Request, study: Study) -> Response:
+    n_queries = study.protocol.n_queries
+    context = {
+        "title": study.file.title,
+        "about": study.file.text.welcome.strip(),
+        "n_questions": n_queries,
+        "minutes": max(1, round(n_queries * _SECONDS_PER_QUERY / 60)),
+    }
+    return templates.TemplateResponse(request, "welcome.html", context)
+
+
+def _session_of(request: Request, token: str) -> SessionRecord:
+    parts: SiteParts = request.app.state.parts
+    found = services.find(parts.runtime, token)
+    if found is None:
+        raise HTTPException(404, _UNKNOWN_LINK)
+    return found
+
+
+ThisSession = Annotated[SessionRecord, Depends(_session_of)]
+
+
+def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
+    runtime = parts.runtime
+
+    @site.get("/s/{token}/")
+    def page(request: Request, session: ThisSession) -> Response:
+        screen = services.screen(runtime, session.id)
+        study = runtime.live(session.id).study
+        if screen.kind == "welcome":
+            return _welcome(request, study)
+        text = study.file.text
+        context = {
+            "title": study.file.title,
+            "question": text.question,
+            "thanks": text.thanks,
+            "screen": asdict(screen),
+        }
+        return templates.TemplateResponse(request, "participant.html", context)
+
+    @site.post("/s/{token}/")
+    def begin(token: str, session: ThisSession) -> Response:
+        services.begin(runtime, session.id)
+        return RedirectResponse(f"/s/{token}/", status_code=303)
+
+    @site.get("/s/{token}/screen")
+    async def screen(session: ThisSession, after: int = -1) -> dict[str, Any]:
+        changed = parts.changes.listen(session.id)
+        try:
+            current = await run_in_threadpool(services.screen, runtime, session.id)
+            if current.position <= after:
+                await _wait(changed, _LONGEST_POLL_S)
+                current = await run_in_threadpool(services.screen, runtime, session.id)
+        finally:
+            parts.changes.forget(session.id, changed)
+        return {**asdict(current), "stage_viewers": parts.keeper.n_viewers(session.id)}
+
+    @site.post("/s/{token}/answer")
+    def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
+        receipt = services.answer(
+            runtime, session.id, body.query_index, body.choice, body.response_time_ms, body.client
+        )
+        return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
+
+
+async def _wait(event: asyncio.Event, timeout_s: float) -> None:
+    try:
+        await asyncio.wait_for(event.wait(), timeout_s)
+    except TimeoutError:
+        return
+
+
+def _add_stage(site: FastAPI, parts: SiteParts) -> None:
+    @site.post("/s/{token}/stage", status_code=204)
+    def act(session: ThisSession, body: StageBody) -> Response:
+        if not parts.keeper.perform(session.id, body.action):
+            return error_response(409, "no-stage", "There is no stage to do this on; load it again.")
+        return Response(status_code=204)
+
+    @site.get("/s/{token}/stage/")
+    def client(request: Request, session: ThisSession) -> Response:
+        if proxy.has_forbidden_query(request.url.query):
+            raise HTTPException(400, ("This address can’t be opened", "Go back to the study’s own page."))
+        page, headers = proxy.client_page()
+        return Response(page, headers=dict(headers))
+
+    @site.websocket("/s/{token}/stage")
+    async def stage(websocket: WebSocket, token: str) -> None:
+        await _relay(websocket, token, parts)
+
+
+async def _relay(websocket: WebSocket, token: str, parts: SiteParts) -> None:
+    """Joins a browser to its own stage; anyone else is refused before the connection is accepted."""
+    headers = websocket.headers
+    if not proxy.is_same_origin(headers.get("origin"), headers.get("host"), parts.public_url):
+        return await websocket.close(1008)
+    session = await run_in_threadpool(services.find, parts.runtime, token)
+    if session is None:
+        return await websocket.close(1008)
+    try:
+        async with parts.keeper.visit(session.id) as stage:
+            await proxy.relay(websocket, stage.port)
+    except StageBusyError:
+        await websocket.close(1013)
+    return None

@@ -1,0 +1,172 @@
+"""The only module that joins the parts."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from urllib.parse import urlsplit
+
+import uvicorn
+
+from app.continuation import continue_session, test_set
+from app.engine import DaskEngine, InlineEngine
+from app.errors import AppError
+from app.services import study as services
+from app.services.runtime import Runtime
+from app.stage.keeper import StageKeeper
+from app.stage.stage import Picture
+from app.store import open_store, serve_lock
+from app.web.changes import Changes
+from app.web.site import SiteParts, create_site
+from study_core.study import Study
+
+_LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+
+class ServeError(AppError):
+    """The server can't be started as asked."""
+
+
+@dataclass(frozen=True)
+class ServeSettings:
+    """How to serve a study.
+
+    Attributes:
+        study: What people can join.
+        database: URL of the database.
+        host: Address to listen on.
+        port: Port to listen on; 0 takes a free one.
+        n_workers: Worker processes of our own engine.
+        scheduler: Address of a running Dask scheduler instead.
+        public_url: Address that participants use.
+    """
+
+    study: Study
+    database: str
+    host: str
+    port: int
+    n_workers: int
+    scheduler: str | None
+    public_url: str | None
+
+
+def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
+    """Serves a study until it is told to stop.
+
+    Args:
+        settings: How.
+        announce: Told the participant link as soon as it works.
+
+    Raises:
+        ServeError: The port is busy, or the host can be reached from outside without a public URL.
+        StoreError: The database can't be used, or is being served already.
+        EngineError: The engine doesn't start.
+    """
+    _require_public_url(settings)
+    with ExitStack() as stack:
+        listener = stack.enter_context(_listen(settings.host, settings.port))
+        stack.enter_context(serve_lock(settings.database))
+        store = stack.enter_context(open_store(settings.database))
+        engine = DaskEngine(settings.n_workers, settings.scheduler)
+        stack.callback(engine.close)
+        parts = _parts(settings, Runtime(store, engine, continue_session, test_set))
+        parts.runtime.open_study(settings.study)
+        link = _join_link(settings, listener)
+        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link))
+        server.run(sockets=[listener])
+
+
+@contextmanager
+def headless(database: str | None = None) -> Iterator[Runtime]:
+    """Gives the services without a server: computed in this process, in a temporary database unless one is named."""
+    with ExitStack() as stack:
+        if database is None:
+            folder = stack.enter_context(TemporaryDirectory(prefix="prefstudy-"))
+            database = f"sqlite:///{Path(folder) / 'headless.db'}"
+        store = stack.enter_context(open_store(database))
+        runtime = Runtime(store, InlineEngine(), continue_session, test_set)
+        stack.callback(runtime.close)
+        yield runtime
+
+
+def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
+    changes = Changes()
+    keeper = StageKeeper(lambda session_id: _picture(runtime, session_id))
+
+    def on_change(session_id: str) -> None:
+        keeper.refresh(session_id)
+        changes.notify(session_id)
+
+    def shut_down() -> None:
+        keeper.close()
+        runtime.close()
+
+    runtime.on_change = on_change
+    return SiteParts(runtime, keeper, changes, settings.study, settings.public_url, shut_down)
+
+
+def _picture(runtime: Runtime, session_id: str) -> Picture | None:
+    """Returns what a session's stage should show."""
+    found = services.current_query(runtime, session_id)
+    if found is None:
+        return None
+    study, query_index, query = found
+    return Picture(query_index, study.domain.scene(query.controls_a), study.domain.scene(query.controls_b))
+
+
+class _Server(uvicorn.Server):
+    """Announces itself when it accepts connections."""
+
+    def __init__(self, config: uvicorn.Config, on_started: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_started = on_started
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._on_started()
+
+
+def _uvicorn_config(parts: SiteParts, settings: ServeSettings) -> uvicorn.Config:
+    # No access log: paths hold participants' secret tokens.
+    return uvicorn.Config(
+        create_site(parts),
+        access_log=False,
+        log_level="warning",
+        server_header=False,
+        ws="websockets-sansio",
+        ws_max_size=64 * 1024,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=3,
+        proxy_headers=settings.public_url is not None,
+    )
+
+
+def _require_public_url(settings: ServeSettings) -> None:
+    if settings.host in _LOOPBACK:
+        return
+    if settings.public_url is None or urlsplit(settings.public_url).scheme != "https":
+        raise ServeError(
+            f"Expected --public-url https://... to serve on {settings.host}: links are secrets and must travel "
+            "encrypted. Put a proxy with TLS in front and name its address, or use --host 127.0.0.1."
+        )
+
+
+@contextmanager
+def _listen(host: str, port: int) -> Iterator[socket.socket]:
+    try:
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except OSError as error:
+        raise ServeError(f"Can't listen on {host}:{port}: {error.strerror}. Choose another --port, or 0.") from error
+    with listener:
+        yield listener
+
+
+def _join_link(settings: ServeSettings, listener: socket.socket) -> str:
+    host, port = listener.getsockname()[:2]
+    base = settings.public_url or f"http://{f'[{host}]' if ':' in host else host}:{port}"
+    return f"{base.rstrip('/')}/join/{settings.study.name}"

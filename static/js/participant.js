@@ -1,0 +1,277 @@
+// One participant's page: shows the current question, takes the answer, keeps in step with the server.
+// Every address is relative to /s/{token}/.
+"use strict";
+
+const REVEAL_MS = 350; // a new picture takes this long to appear; see app/stage/stage.py
+const POLL_TIMEOUT_MS = 30000; // the server holds a poll for up to 20 s
+const TALL_BELOW = 1.05; // width over height of the window
+
+const byId = (id) => document.getElementById(id);
+const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+const buttons = [byId("answer-a"), byId("answer-b")];
+const stage = byId("stage");
+const notice = byId("notice");
+
+let screen = { kind: "preparing", position: -1, query_index: null, number: 0, total: 0 };
+let shownAt = 0; // when the current question came on screen, in milliseconds of performance.now()
+let isSending = false;
+let isPaused = false;
+let isOffline = false;
+let layout = null;
+let stageLoadedAt = 0;
+let tally = freshTally();
+
+function freshTally() {
+  return { replays: 0, pauses: 0, hidden: 0 };
+}
+
+// ---- talking to the server ----
+
+async function request(address, body, timeoutMs = 15000) {
+  const options = { signal: AbortSignal.timeout(timeoutMs), headers: { Accept: "application/json" } };
+  if (body !== undefined) {
+    options.method = "POST";
+    options.headers["Content-Type"] = "application/json";
+    options.body = JSON.stringify(body);
+  }
+  const response = await fetch(address, options);
+  // A gateway's error or an overloaded server is a lost connection to the person: it will be tried again.
+  if (response.status >= 500 || response.status === 429) throw new Error(`status ${response.status}`);
+  return response;
+}
+
+/** Repeats a request until the server has answered it, telling the person meanwhile. */
+async function insist(address, body, timeoutMs) {
+  for (let pause = 500; ; pause = Math.min(pause * 1.7, 5000)) {
+    try {
+      const response = await request(address, body, timeoutMs);
+      setOffline(false);
+      return response;
+    } catch {
+      setOffline(true);
+      await wait(pause);
+    }
+  }
+}
+
+function setOffline(value) {
+  if (value === isOffline) return;
+  isOffline = value;
+  notice.textContent = value
+    ? isSending
+      ? "Connection lost. Your answer is kept and will be sent as soon as it is back."
+      : "Connection lost. Trying again…"
+    : "";
+  // viser's own client reconnects only while its document has focus, which the stage never has.
+  if (!value) loadStage();
+}
+
+/** Follows the session for ever: each poll returns when something has changed, or after a while. */
+async function follow() {
+  while (screen.kind !== "finished") {
+    const response = await insist(`screen?after=${screen.position}`, undefined, POLL_TIMEOUT_MS);
+    if (!response.ok) return stop(response);
+    const next = await response.json().catch(() => null);
+    if (next === null) await wait(1000);
+    else apply(next);
+  }
+}
+
+/** The server refuses for good (the session is over or unknown): let it say so itself. */
+function stop() {
+  location.reload();
+}
+
+// ---- screens ----
+
+function apply(next) {
+  if (next.position < screen.position) return; // an older answer overtook a newer one
+  const isNew = next.query_index !== screen.query_index || next.kind !== screen.kind;
+  screen = next;
+  if (next.stage_viewers === 0 && performance.now() - stageLoadedAt > 8000) loadStage();
+  if (isNew) show();
+}
+
+function show() {
+  document.body.classList.toggle("is-preparing", screen.kind === "preparing");
+  const { number, total } = screen;
+  byId("count").textContent = total > 0 ? `Question ${Math.min(number, total)} of ${total}` : "";
+  const bar = byId("bar");
+  bar.max = Math.max(total, 1);
+  bar.value = screen.kind === "finished" ? bar.max : Math.max(number - 1, 0);
+  bar.setAttribute("aria-valuetext", byId("count").textContent);
+  if (screen.kind === "finished") return finish();
+  setPaused(false);
+  tally = freshTally();
+  for (const button of buttons) button.disabled = true;
+  if (screen.kind === "question") open(screen.query_index);
+}
+
+/** Lets the person answer once the new picture is there, so that a double press can't answer it unseen. */
+async function open(queryIndex) {
+  await wait(REVEAL_MS);
+  if (screen.query_index !== queryIndex || screen.kind !== "question") return;
+  shownAt = performance.now();
+  for (const button of buttons) {
+    button.classList.remove("is-chosen");
+    button.disabled = false;
+  }
+}
+
+function finish() {
+  stage.remove();
+  document.querySelector(".trial-page").hidden = true;
+  byId("finished").hidden = false;
+  byId("finished").querySelector("h1").focus();
+}
+
+async function answer(choice, means) {
+  const button = byId(`answer-${choice}`);
+  if (button.disabled || isSending) return;
+  isSending = true;
+  const body = {
+    query_index: screen.query_index,
+    choice,
+    response_time_ms: Math.round(performance.now() - shownAt),
+    client: {
+      means,
+      layout,
+      ...tally,
+      viewport: [innerWidth, innerHeight],
+      device_pixel_ratio: devicePixelRatio,
+    },
+  };
+  for (const each of buttons) each.disabled = true;
+  button.classList.add("is-chosen");
+  const response = await insist("answer", body);
+  isSending = false;
+  if (!response.ok) return stop(response);
+  const { screen: next } = await response.json();
+  // Whatever became of it (taken, already taken, not current), the server's screen is what counts.
+  screen.query_index = screen.query_index === body.query_index ? undefined : screen.query_index;
+  apply(next);
+}
+
+// ---- the stage ----
+
+/** (Re)loads the scene. A server that has been restarted knows nothing of the layout, so it's told first. */
+async function loadStage() {
+  stageLoadedAt = performance.now();
+  setPaused(false);
+  await request("stage", { action: layout }).catch(() => undefined);
+  stage.src = "stage/";
+}
+
+/** Asks something of the stage; a stage that can't do it has lost its server and is loaded again. */
+async function command(action) {
+  try {
+    const response = await request("stage", { action });
+    if (!response.ok) loadStage();
+  } catch {
+    setOffline(true); // the next poll tells when it is back
+  }
+}
+
+function setPaused(value) {
+  isPaused = value;
+  byId("pause").setAttribute("aria-pressed", String(value));
+  byId("pause-label").textContent = value ? "Play" : "Pause";
+}
+
+function replay() {
+  if (screen.kind !== "question") return;
+  tally.replays += 1;
+  setPaused(false);
+  command("replay");
+}
+
+function togglePause() {
+  if (screen.kind !== "question") return;
+  setPaused(!isPaused);
+  if (isPaused) tally.pauses += 1;
+  command(isPaused ? "pause" : "resume");
+}
+
+function arrange(isFirst) {
+  const next = innerWidth / innerHeight < TALL_BELOW ? "tall" : "wide";
+  if (next === layout) return;
+  layout = next;
+  document.body.classList.toggle("tall", next === "tall");
+  document.body.classList.toggle("wide", next === "wide");
+  if (!isFirst) command(next);
+}
+
+/** viser draws nothing without WebGL 2 and doesn't say so. */
+function canDraw() {
+  try {
+    const context = document.createElement("canvas").getContext("webgl2");
+    context?.getExtension("WEBGL_lose_context")?.loseContext();
+    return Boolean(context);
+  } catch {
+    return false;
+  }
+}
+
+function watchContext() {
+  // The graphics driver may restart; viser doesn't recover from that, a fresh page does.
+  let tries = 0;
+  const timer = setInterval(() => {
+    const canvas = stage.contentDocument?.querySelector("canvas[data-engine]");
+    tries += 1;
+    if (canvas) canvas.addEventListener("webglcontextlost", () => setTimeout(loadStage, 1000), { once: true });
+    if (canvas || tries > 40) clearInterval(timer);
+  }, 250);
+}
+
+// ---- hands ----
+
+const KEYS = {
+  a: () => answer("a", "keyboard"),
+  arrowleft: () => answer("a", "keyboard"),
+  b: () => answer("b", "keyboard"),
+  arrowright: () => answer("b", "keyboard"),
+  r: replay,
+};
+
+function onKey(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const key = event.key.toLowerCase();
+  if (key === " ") {
+    // On a focused button the space bar presses that button, as everywhere.
+    if (event.target instanceof HTMLButtonElement) return;
+    event.preventDefault();
+    togglePause();
+  } else if (Object.hasOwn(KEYS, key)) {
+    event.preventDefault();
+    KEYS[key]();
+  }
+}
+
+function start() {
+  byId("retry").addEventListener("click", () => location.reload());
+  if (!canDraw()) {
+    byId("no-webgl").hidden = false;
+    document.querySelector(".trial-page").inert = true;
+    return;
+  }
+  for (const button of buttons) {
+    // `detail` is 0 when a focused button is pressed with the keyboard.
+    button.addEventListener("click", (event) =>
+      answer(button.dataset.choice, event.detail === 0 ? "keyboard" : event.pointerType || "mouse"),
+    );
+  }
+  byId("replay").addEventListener("click", replay);
+  byId("pause").addEventListener("click", togglePause);
+  document.addEventListener("keydown", onKey);
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden) tally.hidden += 1;
+  });
+  addEventListener("resize", () => arrange(false));
+  stage.addEventListener("load", watchContext);
+  arrange(true);
+  loadStage();
+  apply(JSON.parse(byId("screen").textContent));
+  follow();
+}
+
+start();

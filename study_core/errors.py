@@ -1,0 +1,44 @@
+"""Errors of the science core: misuse is an exception that names the remedy; numerical failure is a status value."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class StudyCoreError(Exception):
+    """Root of every error that `study_core` raises on purpose."""
+
+
+class UnknownNameError(StudyCoreError):
+    """A name that nothing is registered under."""
+
+    def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}."
+        super().__init__(f"No {what} named '{name}'. {hint}")
+
+
+class DomainError(StudyCoreError):
+    """A domain plug-in breaks its contract."""
+
+
+class StudyError(StudyCoreError):
+    """A study file that can't be used; the message names the key and what was expected."""
+
+
+class SessionError(StudyCoreError):
+    """An event that the session's log does not allow."""
+
+
+class AnswerNotCurrentError(SessionError):
+    """An answer for a query that isn't the one being asked."""
+
+
+class PublishedDataError(StudyCoreError):
+    """A file of the published study that can't be read."""
+
+
+class ScriptError(StudyCoreError):
+    """A scripted session with too few, too many or wrong answers."""

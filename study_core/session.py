@@ -1,0 +1,182 @@
+"""The protocol of a session: an append-only log of events, reduced by a pure function to where the person is.
+
+Two counters that must not be mixed: the log *position* orders events; the *query index* names queries, seeds and
+results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.queries import ProposedQuery
+from study_core.study import Study
+
+
+class Phase(StrEnum):
+    """What a query is for."""
+
+    ACTIVE = "active"
+    TEST = "test"
+
+
+@dataclass(frozen=True)
+class SessionBegun:
+    """The person has read the welcome page and pressed Begin."""
+
+
+@dataclass(frozen=True)
+class QueryPrepared:
+    """A query is ready to be shown.
+
+    Attributes:
+        query_index: From 0.
+        phase: Whether its answer informs the posterior.
+        proposed: The query and its provenance.
+        clips: SHA-256 of the clip in each picture layout: what exactly is shown.
+        code_version: Version of prefstudy that computed it.
+        compute_ms: What it cost, one core.
+    """
+
+    query_index: int
+    phase: Phase
+    proposed: ProposedQuery
+    clips: dict[str, str]
+    code_version: str
+    compute_ms: float
+
+
+@dataclass(frozen=True)
+class AnswerGiven:
+    """The person chose.
+
+    Attributes:
+        query_index: The query that was answered.
+        choice: A or B.
+        response_time_ms: As measured in the browser.
+    """
+
+    query_index: int
+    choice: Choice
+    response_time_ms: int
+
+
+Event = SessionBegun | QueryPrepared | AnswerGiven
+
+
+class Action(StrEnum):
+    """What has to happen next."""
+
+    WELCOME = "welcome"
+    PREPARE = "prepare"
+    ASK = "ask"
+    FINISHED = "finished"
+
+
+@dataclass(frozen=True)
+class SessionState:
+    """Where a session is: what its log says so far.
+
+    Attributes:
+        n_events: Length of the log.
+        has_begun: Whether the person has left the welcome page.
+        prepared: Queries so far, by query index.
+        answers: Answers so far, by query index.
+        comparisons: The answers that inform the posterior.
+    """
+
+    n_events: int
+    has_begun: bool
+    prepared: tuple[QueryPrepared, ...]
+    answers: tuple[AnswerGiven, ...]
+    comparisons: ComparisonSet
+
+    @property
+    def query_index(self) -> int:
+        """Returns the index of the query to ask next, or being asked."""
+        return len(self.answers)
+
+    @property
+    def current(self) -> QueryPrepared | None:
+        """Returns the query being asked, if there is one."""
+        return self.prepared[-1] if len(self.prepared) > len(self.answers) else None
+
+
+def phase_of(study: Study, query_index: int) -> Phase:
+    """Returns the phase that a query index belongs to: active queries come first."""
+    return Phase.ACTIVE if query_index < study.protocol.active_queries else Phase.TEST
+
+
+def next_action(study: Study, state: SessionState) -> Action:
+    """Returns what has to happen next."""
+    if not state.has_begun:
+        return Action.WELCOME
+    if state.current is not None:
+        return Action.ASK
+    return Action.PREPARE if state.query_index < study.protocol.n_queries else Action.FINISHED
+
+
+def initial_state(study: Study) -> SessionState:
+    """Returns the state of an empty log."""
+    return SessionState(0, False, (), (), ComparisonSet.empty(len(study.domain.feature_names)))
+
+
+def reduce(study: Study, events: Iterable[Event]) -> SessionState:
+    """Returns the state that a log leads to.
+
+    Raises:
+        SessionError: The log holds an event that was not possible when it came.
+    """
+    state = initial_state(study)
+    for event in events:
+        state = apply(study, state, event)
+    return state
+
+
+def apply(study: Study, state: SessionState, event: Event) -> SessionState:
+    """Returns the state after one more event.
+
+    Raises:
+        SessionError: The event is not possible in this state.
+        AnswerNotCurrentError: An answer to another query than the one being asked.
+    """
+    state = replace(state, n_events=state.n_events + 1)
+    if isinstance(event, SessionBegun):
+        return _begin(state)
+    if isinstance(event, QueryPrepared):
+        return _prepare(study, state, event)
+    return _answer(state, event)
+
+
+def _begin(state: SessionState) -> SessionState:
+    if state.has_begun:
+        raise SessionError("Expected a session that has not begun; this one has. Go on with it.")
+    return replace(state, has_begun=True)
+
+
+def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> SessionState:
+    if next_action(study, state) is not Action.PREPARE or event.query_index != state.query_index:
+        raise SessionError(
+            f"Expected query {state.query_index} of {study.protocol.n_queries} after its predecessor's answer; "
+            f"got query {event.query_index}."
+        )
+    return replace(state, prepared=(*state.prepared, event))
+
+
+def _answer(state: SessionState, event: AnswerGiven) -> SessionState:
+    current = state.current
+    if current is None or current.query_index != event.query_index:
+        asked = "none" if current is None else f"query {current.query_index}"
+        raise AnswerNotCurrentError(f"Expected an answer to the current query ({asked}); got query {event.query_index}.")
+    comparisons = state.comparisons
+    if current.phase is Phase.ACTIVE:
+        comparisons = comparisons.append(current.proposed.query, event.choice)
+    return replace(state, answers=(*state.answers, event), comparisons=comparisons)
+
+
+def query_of(state: SessionState, query_index: int) -> Query:
+    """Returns a query that has been prepared."""
+    return state.prepared[query_index].proposed.query

@@ -1,0 +1,119 @@
+"""Events of a session as JSON and back; floats keep every bit (JSON writes the shortest text that reads back the same)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from study_core.comparison import Choice, Query
+from study_core.errors import SessionError
+from study_core.queries import Provenance, ProposedQuery
+from study_core.session import AnswerGiven, Event, Phase, QueryPrepared, SessionBegun
+
+Json = dict[str, Any]
+
+KINDS: dict[type[Event], str] = {
+    SessionBegun: "session_begun",
+    QueryPrepared: "query_prepared",
+    AnswerGiven: "answer_given",
+}
+
+
+def kind_of(event: Event) -> str:
+    """Returns the name under which an event is stored."""
+    return KINDS[type(event)]
+
+
+def to_json(event: Event) -> Json:
+    """Returns an event's content as JSON values."""
+    if isinstance(event, SessionBegun):
+        return {}
+    if isinstance(event, AnswerGiven):
+        return {
+            "query_index": event.query_index,
+            "choice": event.choice.value,
+            "response_time_ms": event.response_time_ms,
+        }
+    return {
+        "query_index": event.query_index,
+        "phase": event.phase.value,
+        **proposed_to_json(event.proposed),
+        "clips": dict(event.clips),
+        "code_version": event.code_version,
+        "compute_ms": event.compute_ms,
+    }
+
+
+def from_json(kind: str, content: Json) -> Event:
+    """Returns the event that was stored.
+
+    Raises:
+        SessionError: No event has that kind, or its content is not what this version writes.
+    """
+    try:
+        if kind == "session_begun":
+            return SessionBegun()
+        if kind == "answer_given":
+            return AnswerGiven(content["query_index"], Choice(content["choice"]), content["response_time_ms"])
+        if kind == "query_prepared":
+            return _query_prepared(content)
+    except (KeyError, ValueError, TypeError) as error:
+        raise SessionError(f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?") from error
+    raise SessionError(f"Expected an event of a known kind, got '{kind}'. Install the version that wrote it.")
+
+
+def _query_prepared(content: Json) -> QueryPrepared:
+    return QueryPrepared(
+        content["query_index"],
+        Phase(content["phase"]),
+        proposed_from_json(content),
+        dict(content["clips"]),
+        content["code_version"],
+        content["compute_ms"],
+    )
+
+
+def proposed_to_json(proposed: ProposedQuery) -> Json:
+    """Returns a query and its provenance as JSON values."""
+    return {"query": _plain(proposed.query), "provenance": _plain(proposed.provenance)}
+
+
+def proposed_from_json(content: Json) -> ProposedQuery:
+    """Returns what `proposed_to_json` wrote."""
+    return ProposedQuery(query_from_json(content["query"]), provenance_from_json(content["provenance"]))
+
+
+def test_set_to_bytes(test_set: tuple[ProposedQuery, ...]) -> bytes:
+    """Returns a common test set as JSON text."""
+    return json.dumps([proposed_to_json(proposed) for proposed in test_set]).encode()
+
+
+def test_set_from_bytes(content: bytes) -> tuple[ProposedQuery, ...]:
+    """Returns what `test_set_to_bytes` wrote."""
+    return tuple(proposed_from_json(item) for item in json.loads(content))
+
+
+def query_from_json(content: Json) -> Query:
+    """Returns a query from its JSON values."""
+    return Query(**{key: np.array(value, dtype=np.float64) for key, value in content.items()})
+
+
+def provenance_from_json(content: Json) -> Provenance:
+    """Returns a query's provenance from its JSON values."""
+    arrays = {key: np.array(content[key], dtype=np.float64) for key in ("weights_a", "weights_b")}
+    tuples = {key: tuple(content[key]) for key in ("stream", "versions", "has_converged")}
+    return Provenance(**{**content, **arrays, **tuples})
+
+
+def _plain(record: Query | Provenance) -> Json:
+    """Returns a flat dataclass as JSON values."""
+    return {field.name: _plain_value(getattr(record, field.name)) for field in fields(record)}
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,228 @@
+"""A study, as its TOML file defines it: read, checked key by key, and hashed."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from study_core.acquisition import acquisition_named
+from study_core.choice import ResponseModel
+from study_core.domain import Domain, domain_named
+from study_core.errors import StudyError, UnknownNameError
+from study_core.posterior.prior import Prior
+from study_core.posterior.run import SamplerSettings
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class TextSection(_Section):
+    """What the participant reads."""
+
+    welcome: str = Field(description="First page, plain paragraphs separated by empty lines.")
+    question: str = Field(description="Above every pair.")
+    thanks: str = Field(description="Last page.")
+
+
+class ProtocolSection(_Section):
+    """How many queries."""
+
+    active_queries: int = Field(ge=1, description="Queries chosen by what the answers so far leave open.")
+    test_queries: int = Field(ge=0, description="Common queries, the same for everyone, kept out of the posterior.")
+
+    @property
+    def n_queries(self) -> int:
+        """Returns how many queries a session has."""
+        return self.active_queries + self.test_queries
+
+
+class ResponseSection(_Section):
+    """How people are assumed to answer."""
+
+    model: Literal["sigmoid", "clipped-linear"]
+    rationality: float = Field(gt=0, description="beta, per unit of reward.")
+    lapse_rate: float = Field(0.0, ge=0, lt=1, description="Share of answers given at random.")
+
+    @model_validator(mode="after")
+    def _clipped_linear_has_no_lapse(self) -> Self:
+        if self.model == "clipped-linear" and self.lapse_rate != 0.0:
+            raise ValueError("lapse_rate must be 0 for the clipped-linear model")
+        return self
+
+
+class PriorSection(_Section):
+    """Where the weights may lie."""
+
+    support: Literal["ball", "sphere"]
+
+
+class SamplerSection(_Section):
+    """How much the posterior draws."""
+
+    samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
+    chains: int = Field(4, ge=2, le=16)
+    warmup: int = Field(750, ge=100, description="Steps of each chain that only adapt the proposal.")
+    draws: int = Field(3750, ge=100, description="Steps of each chain that are kept.")
+
+    @model_validator(mode="after")
+    def _has_enough_draws(self) -> Self:
+        if self.samples > self.chains * self.draws:
+            raise ValueError("samples can't exceed chains x draws")
+        return self
+
+
+class AcquisitionSection(_Section):
+    """How the next pair is chosen."""
+
+    method: str
+    mu: float = Field(0.1, ge=0, description="Weight of the distance between the two samples.")
+
+
+class TrajectorySection(_Section):
+    """How the best trajectory for a reward is found."""
+
+    starts: int = Field(ge=1, le=1000, description="Random starts of L-BFGS for each trajectory.")
+
+
+class StudyFile(_Section):
+    """The whole file."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$", description="Used in links and file names.")
+    title: str
+    seed: int = Field(ge=0)
+    domain: str
+    text: TextSection
+    protocol: ProtocolSection
+    response: ResponseSection
+    prior: PriorSection
+    sampler: SamplerSection
+    acquisition: AcquisitionSection
+    trajectory: TrajectorySection
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked study: its file's text, which a session keeps for ever, and what the text says."""
+
+    text: str
+    file: StudyFile
+
+    @cached_property
+    def hash(self) -> str:
+        """Returns the SHA-256 of the file's text, in hex."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def name(self) -> str:
+        """Returns the study's name."""
+        return self.file.name
+
+    @property
+    def seed(self) -> int:
+        """Returns the seed of all its random streams."""
+        return self.file.seed
+
+    @property
+    def protocol(self) -> ProtocolSection:
+        """Returns the numbers of queries."""
+        return self.file.protocol
+
+    @cached_property
+    def domain(self) -> Domain:
+        """Returns the domain plug-in."""
+        return domain_named(self.file.domain)
+
+    @cached_property
+    def response(self) -> ResponseModel:
+        """Returns the response model."""
+        section = self.file.response
+        return ResponseModel(section.model, section.rationality, section.lapse_rate)
+
+    @cached_property
+    def prior(self) -> Prior:
+        """Returns the prior over the domain's weights."""
+        return Prior(self.file.prior.support, len(self.domain.feature_names))
+
+    @cached_property
+    def sampler(self) -> SamplerSettings:
+        """Returns the sampler's settings."""
+        section = self.file.sampler
+        return SamplerSettings(section.chains, section.warmup, section.draws, section.samples)
+
+
+@lru_cache(maxsize=32)
+def parse_study(text: str, source: str = "study file") -> Study:
+    """Returns the study that a TOML text defines.
+
+    Args:
+        text: The file's content.
+        source: What to call it in errors, e.g. its path.
+
+    Raises:
+        StudyError: Not TOML, a key missing, unknown or of the wrong kind; the message names the key and what was
+            expected.
+    """
+    try:
+        content = tomllib.loads(text)
+        study = Study(text, StudyFile.model_validate(content))
+        acquisition_named(study.file.acquisition.method)
+        domain_named(study.file.domain)
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{source}: not valid TOML: {error}. Mend that line.") from error
+    except ValidationError as error:
+        raise StudyError(f"{source}: {_explain(error)}") from error
+    except UnknownNameError as error:
+        raise StudyError(f"{source}: {error}") from error
+    return study
+
+
+def read_study(path: Path) -> Study:
+    """Returns the study in a file.
+
+    Raises:
+        StudyError: The file can't be read or isn't a study.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"Can't read the study file {path}: {error}. Give the path of a TOML file.") from error
+    return parse_study(text, source=str(path))
+
+
+def _explain(error: ValidationError) -> str:
+    """Returns one line about the first thing that is wrong, and how many more there are."""
+    problems = error.errors(include_url=False)
+    line = _explain_one(problems[0])
+    return line if len(problems) == 1 else f"{line} ({len(problems) - 1} more after this one)"
+
+
+def _explain_one(problem: Any) -> str:
+    *section, key = problem["loc"] or ("file",)
+    where = ".".join(str(part) for part in (*section, key))
+    if problem["type"] == "extra_forbidden":
+        known = _keys_of(section)
+        close = difflib.get_close_matches(str(key), known, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"expected one of: {', '.join(known)}."
+        return f"unknown key '{where}'; {hint}"
+    if problem["type"] == "missing":
+        return f"key '{where}' is missing; add it."
+    message = problem["msg"].removeprefix("Value error, ")
+    return f"key '{where}': {message[0].lower()}{message[1:]}, got {problem['input']!r}."
+
+
+def _keys_of(section: list[Any]) -> list[str]:
+    """Returns the keys that a section of the file knows."""
+    model: type[BaseModel] = StudyFile
+    for part in section:
+        annotation = model.model_fields[str(part)].annotation
+        assert annotation is not None and issubclass(annotation, BaseModel)
+        model = annotation
+    return list(model.model_fields)
