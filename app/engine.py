@@ -32,6 +32,11 @@ log = logging.getLogger(__name__)
 _START_TIMEOUT_S = 90.0
 _WATCH_INTERVAL_S = 0.2
 _QUERY_RESOURCE = {"query": 1}
+_DASK_SETTINGS = {
+    "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "error",
+    # Workers may be killed at any time; that is no sign of a bad task.
+    "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "100",
+}
 
 
 class EngineError(AppError):
@@ -105,15 +110,13 @@ class DaskEngine:
         self._pending: dict[str, _Pending] = {}
         self._cluster = None if scheduler_address else LocalProcesses(n_workers)
         self._address = scheduler_address
-        self._is_closing = False
+        self._closing = threading.Event()
         self._client = self._connect()
         self._watcher = threading.Thread(target=self._watch, name="engine-watch", daemon=True)
         if self._cluster is not None:
             self._watcher.start()
 
-    def submit(
-        self, key: str, function: Callable[..., Any], argument: object, urgency: float
-    ) -> Future[Any]:
+    def submit(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Future[Any]:
         """Starts computing `function(argument)`; see `app.services.continuation.Engine`."""
         with self._lock:
             known = self._pending.get(key)
@@ -121,12 +124,18 @@ class DaskEngine:
                 return known.future
             pending = self._pending[key] = _Pending(function, argument, urgency, Future())
             pending.future.add_done_callback(lambda _: self._forget(key, pending))
-            self._send(key, pending)
+            try:
+                self._send(key, pending)
+            except Exception:
+                # A dead scheduler is replaced by the watcher, which sends everything pending again.
+                log.exception("a computation could not be sent")
             return pending.future
 
     def close(self) -> None:
         """Gives up what is pending and stops the cluster if it is ours."""
-        self._is_closing = True
+        self._closing.set()
+        if self._watcher.is_alive():
+            self._watcher.join()
         with self._lock:
             for pending in list(self._pending.values()):
                 pending.future.cancel()
@@ -151,7 +160,9 @@ class DaskEngine:
             return client
         except (OSError, TimeoutError) as error:
             where = self._address or "on this machine"
-            raise EngineError(f"The Dask scheduler {where} can't be reached: {error}. Is it running?") from error
+            raise EngineError(
+                f"The Dask scheduler {where} can't be reached: {error}. Is it running?"
+            ) from error
 
     def _send(self, key: str, pending: _Pending) -> None:
         resources = _QUERY_RESOURCE if self._cluster is not None else None
@@ -186,17 +197,16 @@ class DaskEngine:
         with self._lock:
             if self._pending.get(key) is pending:
                 del self._pending[key]
-        if pending.remote is not None and not self._is_closing:
+        if pending.remote is not None and not self._closing.is_set():
             pending.remote.release()
 
     def _watch(self) -> None:
-        while not self._is_closing:
-            time.sleep(_WATCH_INTERVAL_S)
-            assert self._cluster is not None
+        assert self._cluster is not None
+        while not self._closing.wait(_WATCH_INTERVAL_S):
             try:
-                if not self._is_closing and not self._cluster.has_scheduler():
+                if not self._cluster.has_scheduler():
                     self._start_again()
-                elif not self._is_closing:
+                else:
                     self._cluster.replace_dead_workers()
             except Exception:
                 log.exception("the engine could not be mended; trying again")
@@ -271,7 +281,7 @@ class LocalProcesses:
     def _spawn(self, program: str, options: list[str]) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"distributed.cli.{program}", *options, "--no-dashboard"]
         command += ["--preload", "app.engine_child", *self._tls_options]
-        environment = os.environ | {"DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "warning"}
+        environment = os.environ | _DASK_SETTINGS
         return subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment, start_new_session=True
         )

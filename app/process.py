@@ -12,12 +12,12 @@ import os
 import sys
 from pathlib import Path
 
-_ROOT = Path(__file__).resolve().parent.parent
-
 
 def _kernels_digest() -> str:
+    # Compiled code holds the constants that it imports, and domains keep theirs beside their kernels.
+    core = Path(__file__).resolve().parent.parent / "study_core"
     digest = hashlib.sha256(sys.version.encode())
-    for path in sorted((_ROOT / "study_core").rglob("*.py")):
+    for path in sorted({*core.rglob("*kernels.py"), *(core / "domains").rglob("*.py")}):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -18,6 +18,7 @@ from app.errors import AppError
 from app.services import study as services
 from app.services.runtime import Runtime
 from app.stage.keeper import StageKeeper
+from app.stage.routes import stage_routes
 from app.stage.stage import Picture
 from app.store import open_store, serve_lock
 from app.web.changes import Changes
@@ -106,7 +107,15 @@ def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
         runtime.close()
 
     runtime.on_change = on_change
-    return SiteParts(runtime, keeper, changes, settings.study, settings.public_url, shut_down)
+
+    def session_of(token: str) -> str | None:
+        record = services.find(runtime, token)
+        return None if record is None else record.id
+
+    routes = stage_routes(keeper, session_of, settings.public_url)
+    return SiteParts(
+        runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, shut_down
+    )
 
 
 def _picture(runtime: Runtime, session_id: str) -> Picture | None:
@@ -159,9 +168,13 @@ def _require_public_url(settings: ServeSettings) -> None:
 @contextmanager
 def _listen(host: str, port: int) -> Iterator[socket.socket]:
     try:
-        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listener = socket.create_server(
+            (host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET
+        )
     except OSError as error:
-        raise ServeError(f"Can't listen on {host}:{port}: {error.strerror}. Choose another --port, or 0.") from error
+        raise ServeError(
+            f"Can't listen on {host}:{port}: {error.strerror}. Choose another --port, or 0."
+        ) from error
     with listener:
         yield listener
 

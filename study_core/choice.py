@@ -65,7 +65,9 @@ class ResponseModel:
         return values
 
     def predicted_probability_of_a(
-        self, samples: Float[np.ndarray, "n_samples n_features"], feature_diff: Float[np.ndarray, " n_features"]
+        self,
+        samples: Float[np.ndarray, "n_samples n_features"],
+        feature_diff: Float[np.ndarray, " n_features"],
     ) -> float:
         """Returns P(A) averaged over posterior samples of w."""
         return float(math.fsum(self.probability_of_a(samples @ feature_diff)) / len(samples))

@@ -1,4 +1,4 @@
-"""The next query with its provenance, and the common test set: pure functions of study, answers and names of streams."""
+"""The next query with its provenance, and the common test set: pure functions of study, answers and stream names."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from study_core.posterior import metropolis
 from study_core.posterior.run import Posterior, infer
 from study_core.streams import stream
 from study_core.study import Study
+
+Participant = int | str
+"""Names a session's random streams: the participant's ordinal, or the label of a rehearsal."""
 
 # Controls closer than this, in units of their bounds, are one trajectory: nobody could tell the two apart.
 SAME_CONTROLS = 1e-6
@@ -65,18 +68,20 @@ class ProposedQuery:
     provenance: Provenance
 
 
-def infer_posterior(study: Study, participant: int, comparisons: ComparisonSet) -> Posterior:
+def infer_posterior(study: Study, participant: Participant, comparisons: ComparisonSet) -> Posterior:
     """Returns the posterior of one participant after their active answers so far."""
     rng = stream(study.seed, "posterior", participant, len(comparisons))
     return infer(rng, study.prior, study.response, comparisons, study.sampler)
 
 
-def propose_active_query(study: Study, participant: int, query_index: int, posterior: Posterior) -> ProposedQuery:
+def propose_active_query(
+    study: Study, participant: Participant, query_index: int, posterior: Posterior
+) -> ProposedQuery:
     """Returns the query that the study's acquisition method asks next.
 
     Args:
         study: The study.
-        participant: Ordinal of the participant, from 1; streams use it, never a secret token.
+        participant: Names the session's random streams.
         query_index: Index of the query in the session, from 0.
         posterior: After the answers so far.
     """

@@ -12,7 +12,7 @@ from enum import StrEnum
 
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.errors import AnswerNotCurrentError, SessionError
-from study_core.queries import ProposedQuery
+from study_core.queries import Participant, ProposedQuery
 from study_core.study import Study
 
 
@@ -25,7 +25,14 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True)
 class SessionBegun:
-    """The person has read the welcome page and pressed Begin."""
+    """The person has read the welcome page and pressed Begin.
+
+    Attributes:
+        participant: Names the session's random streams: the participant's ordinal, or a rehearsal's label; never a
+            secret.
+    """
+
+    participant: Participant
 
 
 @dataclass(frozen=True)
@@ -82,14 +89,14 @@ class SessionState:
 
     Attributes:
         n_events: Length of the log.
-        has_begun: Whether the person has left the welcome page.
+        participant: Names the session's random streams; None on the welcome page.
         prepared: Queries so far, by query index.
         answers: Answers so far, by query index.
         comparisons: The answers that inform the posterior.
     """
 
     n_events: int
-    has_begun: bool
+    participant: Participant | None
     prepared: tuple[QueryPrepared, ...]
     answers: tuple[AnswerGiven, ...]
     comparisons: ComparisonSet
@@ -112,7 +119,7 @@ def phase_of(study: Study, query_index: int) -> Phase:
 
 def next_action(study: Study, state: SessionState) -> Action:
     """Returns what has to happen next."""
-    if not state.has_begun:
+    if state.participant is None:
         return Action.WELCOME
     if state.current is not None:
         return Action.ASK
@@ -121,7 +128,7 @@ def next_action(study: Study, state: SessionState) -> Action:
 
 def initial_state(study: Study) -> SessionState:
     """Returns the state of an empty log."""
-    return SessionState(0, False, (), (), ComparisonSet.empty(len(study.domain.feature_names)))
+    return SessionState(0, None, (), (), ComparisonSet.empty(len(study.domain.feature_names)))
 
 
 def reduce(study: Study, events: Iterable[Event]) -> SessionState:
@@ -145,16 +152,16 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
     """
     state = replace(state, n_events=state.n_events + 1)
     if isinstance(event, SessionBegun):
-        return _begin(state)
+        return _begin(state, event)
     if isinstance(event, QueryPrepared):
         return _prepare(study, state, event)
     return _answer(state, event)
 
 
-def _begin(state: SessionState) -> SessionState:
-    if state.has_begun:
+def _begin(state: SessionState, event: SessionBegun) -> SessionState:
+    if state.participant is not None:
         raise SessionError("Expected a session that has not begun; this one has. Go on with it.")
-    return replace(state, has_begun=True)
+    return replace(state, participant=event.participant)
 
 
 def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> SessionState:
@@ -170,7 +177,9 @@ def _answer(state: SessionState, event: AnswerGiven) -> SessionState:
     current = state.current
     if current is None or current.query_index != event.query_index:
         asked = "none" if current is None else f"query {current.query_index}"
-        raise AnswerNotCurrentError(f"Expected an answer to the current query ({asked}); got query {event.query_index}.")
+        raise AnswerNotCurrentError(
+            f"Expected an answer to the current query ({asked}); got query {event.query_index}."
+        )
     comparisons = state.comparisons
     if current.phase is Phase.ACTIVE:
         comparisons = comparisons.append(current.proposed.query, event.choice)

@@ -1,4 +1,4 @@
-"""Events of a session as JSON and back; floats keep every bit (JSON writes the shortest text that reads back the same)."""
+"""Events of a session as JSON and back; floats keep every bit, since JSON gets the shortest text that reads back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
-from study_core.queries import Provenance, ProposedQuery
+from study_core.queries import ProposedQuery, Provenance
 from study_core.session import AnswerGiven, Event, Phase, QueryPrepared, SessionBegun
 
 Json = dict[str, Any]
@@ -30,7 +30,7 @@ def kind_of(event: Event) -> str:
 def to_json(event: Event) -> Json:
     """Returns an event's content as JSON values."""
     if isinstance(event, SessionBegun):
-        return {}
+        return {"participant": event.participant}
     if isinstance(event, AnswerGiven):
         return {
             "query_index": event.query_index,
@@ -55,13 +55,15 @@ def from_json(kind: str, content: Json) -> Event:
     """
     try:
         if kind == "session_begun":
-            return SessionBegun()
+            return SessionBegun(content["participant"])
         if kind == "answer_given":
             return AnswerGiven(content["query_index"], Choice(content["choice"]), content["response_time_ms"])
         if kind == "query_prepared":
             return _query_prepared(content)
     except (KeyError, ValueError, TypeError) as error:
-        raise SessionError(f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?") from error
+        raise SessionError(
+            f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?"
+        ) from error
     raise SessionError(f"Expected an event of a known kind, got '{kind}'. Install the version that wrote it.")
 
 

@@ -36,7 +36,9 @@ class ProtocolSection(_Section):
     """How many queries."""
 
     active_queries: int = Field(ge=1, description="Queries chosen by what the answers so far leave open.")
-    test_queries: int = Field(ge=0, description="Common queries, the same for everyone, kept out of the posterior.")
+    test_queries: int = Field(
+        ge=0, description="Common queries, the same for everyone, kept out of the posterior."
+    )
 
     @property
     def n_queries(self) -> int:
@@ -193,7 +195,9 @@ def read_study(path: Path) -> Study:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(f"Can't read the study file {path}: {error}. Give the path of a TOML file.") from error
+        raise StudyError(
+            f"Can't read the study file {path}: {error}. Give the path of a TOML file."
+        ) from error
     return parse_study(text, source=str(path))
 
 
@@ -222,7 +226,6 @@ def _keys_of(section: list[Any]) -> list[str]:
     """Returns the keys that a section of the file knows."""
     model: type[BaseModel] = StudyFile
     for part in section:
-        annotation = model.model_fields[str(part)].annotation
-        assert annotation is not None and issubclass(annotation, BaseModel)
+        annotation: Any = model.model_fields[str(part)].annotation
         model = annotation
     return list(model.model_fields)

@@ -40,7 +40,10 @@ class BestTrajectories:
 
 
 def best_trajectories(
-    rng: np.random.Generator, domain: Domain, weights: Float[np.ndarray, "n_weights n_features"], n_starts: int
+    rng: np.random.Generator,
+    domain: Domain,
+    weights: Float[np.ndarray, "n_weights n_features"],
+    n_starts: int,
 ) -> BestTrajectories:
     """Maximises w . Phi over the controls, from `n_starts` different random starts for each weight vector.
 

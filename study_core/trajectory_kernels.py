@@ -53,7 +53,21 @@ def initial_state(starts: np.ndarray, memory: int) -> State:
 
 @njit(cache=True)
 def advance(
-    rows, values, gradients, lower, upper, point, value, gradient, trial, direction, step, steps, changes, n_pairs, status
+    rows,
+    values,
+    gradients,
+    lower,
+    upper,
+    point,
+    value,
+    gradient,
+    trial,
+    direction,
+    step,
+    steps,
+    changes,
+    n_pairs,
+    status,
 ):
     """Takes the evaluation of each row's trial: accepts it and aims anew, or halves the step."""
     for i in range(rows.shape[0]):
@@ -64,7 +78,9 @@ def advance(
             point[r] = trial[r]
             value[r] = values[i]
             gradient[r] = gradients[i]
-            if _is_optimal(point[r], gradient[r], lower, upper) or gain <= _VALUE_TOLERANCE * max(1.0, abs(value[r])):
+            if _is_optimal(point[r], gradient[r], lower, upper) or gain <= _VALUE_TOLERANCE * max(
+                1.0, abs(value[r])
+            ):
                 status[r] = CONVERGED
                 continue
             _aim(point[r], gradient[r], lower, upper, steps[r], changes[r], n_pairs[r], direction[r])

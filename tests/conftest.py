@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 assert "numpy" not in sys.modules, "numpy must be imported after the thread settings"
 
-# Before numpy is imported: one thread gives the same bits on every machine, and pytest-xdist already uses the cores.
-for _library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
-    os.environ[f"{_library}_NUM_THREADS"] = "1"
+import app.process  # noqa: F401  - before numpy: what every process of ours sets
 
 from collections.abc import Iterator
 from pathlib import Path

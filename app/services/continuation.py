@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from study_core.comparison import ComparisonSet
 from study_core.posterior.run import Posterior
-from study_core.queries import ProposedQuery
+from study_core.queries import Participant, ProposedQuery
 from study_core.session import QueryPrepared
 
 VERSION = "continuation-1"
@@ -21,7 +21,7 @@ class Request:
 
     Attributes:
         study_text: The study file's text.
-        participant: Ordinal of the participant.
+        participant: Names the session's random streams.
         query_index: The query to prepare.
         comparisons: Answers that inform the posterior.
         needs_posterior: Whether an answer has come since the last posterior; always so in the active phase.
@@ -29,7 +29,7 @@ class Request:
     """
 
     study_text: str
-    participant: int
+    participant: Participant
     query_index: int
     comparisons: ComparisonSet
     needs_posterior: bool
@@ -39,7 +39,7 @@ class Request:
     def key(self) -> str:
         """Returns the name of the computation: equal requests are computed once, and none goes stale."""
         digest = hashlib.sha256(self.study_text.encode())
-        digest.update(f"{VERSION}|{self.participant}|{self.query_index}|{self.needs_posterior}".encode())
+        digest.update(f"{VERSION}|{self.participant!r}|{self.query_index}|{self.needs_posterior}".encode())
         digest.update(self.comparisons.feature_diffs.tobytes())
         digest.update(self.comparisons.signs.tobytes())
         return f"continuation-{digest.hexdigest()}"
@@ -90,4 +90,3 @@ class Engine(Protocol):
             urgency: Larger runs earlier.
         """
         ...
-

@@ -40,7 +40,9 @@ def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None)
         live.ahead[choice] = _submit(runtime, request, urgency)
 
 
-def continuation_after(runtime: Runtime, live: LiveSession, choice: Choice, comparisons: ComparisonSet) -> Computation:
+def continuation_after(
+    runtime: Runtime, live: LiveSession, choice: Choice, comparisons: ComparisonSet
+) -> Computation:
     """Returns the continuation after an answer to the current query, begun now if it wasn't before.
 
     The one for the other answer is given up.
@@ -64,7 +66,12 @@ def prepare(runtime: Runtime, live: LiveSession) -> None:
     index = live.state.query_index
     is_informed = index == 0 or phase_of(live.study, index - 1) is Phase.ACTIVE
     computation = _submit(runtime, _request(live, index, live.state.comparisons, is_informed), _WAITED_FOR)
-    deliver_when_done(runtime, live, computation)
+    if not has_succeeded(computation):
+        deliver_when_done(runtime, live, computation)
+        return
+    continuation: Continuation = computation.result()
+    runtime.append(live, *entry(continuation))
+    announce(runtime, live, continuation)
 
 
 def deliver_when_done(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
@@ -95,6 +102,17 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
     announce(runtime, live, continuation)
 
 
+def has_succeeded(computation: Computation) -> bool:
+    """Returns whether a result is there; a failed computation is left to the delivery, which reports it."""
+    if not computation.done():
+        return False
+    try:
+        computation.result()
+    except Exception:  # noqa: BLE001 - whatever it was, the answer must be taken first
+        return False
+    return True
+
+
 def entry(continuation: Continuation) -> tuple[list[Event], PosteriorRecord | None]:
     """Returns what a continuation adds to the log, and the posterior that is stored with it."""
     prepared, posterior = continuation.prepared, continuation.posterior
@@ -122,11 +140,14 @@ def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) ->
             look_ahead(runtime, live, continuation.posterior)
 
 
-def _request(live: LiveSession, query_index: int, comparisons: ComparisonSet, needs_posterior: bool) -> Request:
+def _request(
+    live: LiveSession, query_index: int, comparisons: ComparisonSet, needs_posterior: bool
+) -> Request:
     n_active = live.study.protocol.active_queries
     test_query = live.opened.test_set[query_index - n_active] if query_index >= n_active else None
+    assert live.state.participant is not None, "a session that has not begun needs no query"
     return Request(
-        live.study.text, live.record.ordinal, query_index, comparisons, needs_posterior, test_query
+        live.study.text, live.state.participant, query_index, comparisons, needs_posterior, test_query
     )
 
 

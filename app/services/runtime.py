@@ -144,4 +144,3 @@ class Runtime:
             live.state = self._stored_state(live.study, live.record.id)
             raise
         live.state = state
-

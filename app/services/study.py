@@ -13,6 +13,7 @@ from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
 from app.store import PositionTakenError, SessionRecord
 from study_core.comparison import Choice, Query
+from study_core.queries import Participant
 from study_core.session import Action, AnswerGiven, SessionBegun, apply, next_action
 from study_core.study import Study
 
@@ -67,12 +68,21 @@ class AnswerReceipt:
     screen: Screen
 
 
-def join(runtime: Runtime, study: Study, is_rehearsed: bool = False) -> tuple[str, SessionRecord]:
-    """Creates a session and begins it; returns its secret token, known to nobody else, and its record."""
+def join(runtime: Runtime, study: Study, rehearsal: Participant | None = None) -> tuple[str, SessionRecord]:
+    """Creates a session and begins it.
+
+    Args:
+        runtime: The services' resources.
+        study: The study.
+        rehearsal: For a simulated or scripted person: what names the session's random streams.
+
+    Returns:
+        The session's secret token, known to nobody else, and its record.
+    """
     opened = runtime.open_study(study)
     token = new_token()
-    record = runtime.store.create_session(opened.study.hash, hash_token(token), is_rehearsed)
-    begin(runtime, record.id)
+    record = runtime.store.create_session(opened.study.hash, hash_token(token), rehearsal is not None)
+    begin(runtime, record.id, rehearsal)
     return token, record
 
 
@@ -81,12 +91,12 @@ def find(runtime: Runtime, token: str) -> SessionRecord | None:
     return runtime.store.session_by_token(hash_token(token))
 
 
-def begin(runtime: Runtime, session_id: str) -> Screen:
-    """Leaves the welcome page; doing it twice changes nothing."""
+def begin(runtime: Runtime, session_id: str, participant: Participant | None = None) -> Screen:
+    """Leaves the welcome page; doing it twice changes nothing. Streams are named by the ordinal unless told."""
     live = runtime.live(session_id)
     with live.lock:
         if next_action(live.study, live.state) is Action.WELCOME:
-            runtime.append(live, [SessionBegun()])
+            runtime.append(live, [SessionBegun(participant or live.record.ordinal)])
         preparation.prepare(runtime, live)
         return _screen(live)
 
@@ -181,24 +191,13 @@ def _take(
         runtime.append(live, [given])
         return None, None
     computation = preparation.continuation_after(runtime, live, given.choice, after.comparisons)
-    if not _succeeded(computation):
+    if not preparation.has_succeeded(computation):
         runtime.append(live, [given])
         return None, computation
     continuation: Continuation = computation.result()
     events, posterior = preparation.entry(continuation)
     runtime.append(live, [given, *events], posterior)
     return continuation, None
-
-
-def _succeeded(computation: Computation) -> bool:
-    """Returns whether a result is there; a failed computation is left to the delivery, which reports it."""
-    if not computation.done():
-        return False
-    try:
-        computation.result()
-    except Exception:  # noqa: BLE001 - whatever it was, the answer must be taken first
-        return False
-    return True
 
 
 def _screen(live: LiveSession) -> Screen:

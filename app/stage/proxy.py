@@ -8,11 +8,12 @@ client page with a strict policy, and the websocket with checks on everything th
 from __future__ import annotations
 
 import asyncio
+import hashlib
 from collections.abc import Coroutine, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from importlib.resources import files
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 import msgspec
 import viser
@@ -116,6 +117,7 @@ def client_page() -> tuple[bytes, Mapping[str, str]]:
         "X-Content-Type-Options": "nosniff",
         "X-Frame-Options": "SAMEORIGIN",
         "Cache-Control": "private, no-cache",
+        "ETag": f'"{hashlib.sha256(page.encode()).hexdigest()[:32]}"',
     }
     return page.encode(), headers
 
@@ -127,40 +129,6 @@ def has_forbidden_query(query: str) -> bool:
         query: Without the question mark.
     """
     return any(key in _FORBIDDEN_KEYS for key, _ in parse_qsl(query, keep_blank_values=True))
-
-
-def is_same_origin(origin: str | None, host_header: str | None, public_url: str | None) -> bool:
-    """Whether a websocket was opened by one of our own pages.
-
-    Args:
-        origin: The `Origin` header; browsers always send it with websockets.
-        host_header: The `Host` header, which decides if no public address is configured.
-        public_url: The address that participants use, if configured.
-    """
-    if not origin or origin == "null":
-        return False
-    try:
-        theirs = _authority(origin)
-        ours = (
-            _authority(public_url)
-            if public_url
-            else (theirs[0], *_authority(f"{theirs[0]}://{host_header}")[1:])
-        )
-    except ValueError:
-        return False
-    return bool(theirs[1]) and theirs == ours
-
-
-def _authority(url: str) -> tuple[str, str, int]:
-    """Scheme, host and port of an address, the port filled in."""
-    parts = urlsplit(url)
-    if parts.scheme not in ("http", "https"):
-        raise ValueError(url)
-    return (
-        parts.scheme,
-        (parts.hostname or "").lower(),
-        parts.port or (443 if parts.scheme == "https" else 80),
-    )
 
 
 async def relay(browser: WebSocket, stage_port: int) -> None:

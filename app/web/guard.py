@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from fastapi import Request
 from fastapi.responses import JSONResponse, Response
 
-from app.stage.proxy import is_same_origin
+from app.origin import is_same_origin
 
 _LARGEST_BODY = 64 * 1024
 _JOINS_PER_MINUTE = 120

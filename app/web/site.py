@@ -1,4 +1,4 @@
-"""The web application: participant pages, their JSON API, and the way to their stage."""
+"""The web application: participant pages and their JSON API."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
-from fastapi import Depends, FastAPI, HTTPException, Request, WebSocket
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
@@ -20,9 +20,6 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from app.services import study as services
 from app.services.runtime import Runtime
 from app.settings import STATIC
-from app.stage import proxy
-from app.stage.keeper import Action, StageKeeper
-from app.stage.stage import StageBusyError
 from app.store import SessionRecord
 from app.web.changes import Changes
 from app.web.guard import Guard, JoinLimit, error_response
@@ -35,6 +32,8 @@ _UNKNOWN_LINK = (
     "Check that the whole link was copied, or ask the person who sent it to you for a new one.",
 )
 
+_UNKNOWN_PAGE = ("There is nothing here", "Check that the whole address was copied.")
+
 templates = Jinja2Templates(STATIC / "templates")
 
 
@@ -44,7 +43,8 @@ class SiteParts:
 
     Attributes:
         runtime: The services' resources.
-        keeper: The stages.
+        stage: Routes of the participants' stages.
+        n_viewers: Tells how many browser pages watch a session's stage.
         changes: Wakes long polls.
         study: The study that people can join.
         public_url: Address that participants use, if it isn't the one the server listens on.
@@ -52,7 +52,8 @@ class SiteParts:
     """
 
     runtime: Runtime
-    keeper: StageKeeper
+    stage: APIRouter
+    n_viewers: Callable[[str], int]
     changes: Changes
     study: Study
     public_url: str | None
@@ -68,14 +69,6 @@ class AnswerBody(BaseModel):
     choice: str
     response_time_ms: int
     client: dict[str, Any] | None = None
-
-
-class StageBody(BaseModel):
-    """What the page asks of its stage."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    action: Action
 
 
 def create_site(parts: SiteParts) -> FastAPI:
@@ -95,7 +88,7 @@ def create_site(parts: SiteParts) -> FastAPI:
     _add_error_pages(site)
     _add_join_pages(site, parts)
     _add_participant_pages(site, parts)
-    _add_stage(site, parts)
+    site.include_router(parts.stage)
     return site
 
 
@@ -108,7 +101,8 @@ def _add_error_pages(site: FastAPI) -> None:
 
     @site.exception_handler(StarletteHTTPException)
     async def http_error(request: Request, error: StarletteHTTPException) -> Response:
-        title, text = error.detail if isinstance(error.detail, tuple) else ("Nothing here", "Check the address.")
+        detail: Any = error.detail
+        title, text = _UNKNOWN_PAGE if isinstance(detail, str) else detail
         if "text/html" in request.headers.get("accept", ""):
             return _message(request, title, text, error.status_code)
         return error_response(error.status_code, f"http-{error.status_code}", f"{title}. {text}")
@@ -125,7 +119,9 @@ def _add_error_pages(site: FastAPI) -> None:
 
     @site.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:
-        text = "Something went wrong on our side. Your answers so far are saved; please try again in a moment."
+        text = (
+            "Something went wrong on our side. Your answers so far are saved; please try again in a moment."
+        )
         if "text/html" in request.headers.get("accept", ""):
             return _message(request, "Please try again", text, 500)
         return error_response(500, "internal", text)
@@ -211,7 +207,7 @@ def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
                 current = await run_in_threadpool(services.screen, runtime, session.id)
         finally:
             parts.changes.forget(session.id, changed)
-        return {**asdict(current), "stage_viewers": parts.keeper.n_viewers(session.id)}
+        return {**asdict(current), "stage_viewers": parts.n_viewers(session.id)}
 
     @site.post("/s/{token}/answer")
     def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
@@ -226,38 +222,3 @@ async def _wait(event: asyncio.Event, timeout_s: float) -> None:
         await asyncio.wait_for(event.wait(), timeout_s)
     except TimeoutError:
         return
-
-
-def _add_stage(site: FastAPI, parts: SiteParts) -> None:
-    @site.post("/s/{token}/stage", status_code=204)
-    def act(session: ThisSession, body: StageBody) -> Response:
-        if not parts.keeper.perform(session.id, body.action):
-            return error_response(409, "no-stage", "There is no stage to do this on; load it again.")
-        return Response(status_code=204)
-
-    @site.get("/s/{token}/stage/")
-    def client(request: Request, session: ThisSession) -> Response:
-        if proxy.has_forbidden_query(request.url.query):
-            raise HTTPException(400, ("This address can’t be opened", "Go back to the study’s own page."))
-        page, headers = proxy.client_page()
-        return Response(page, headers=dict(headers))
-
-    @site.websocket("/s/{token}/stage")
-    async def stage(websocket: WebSocket, token: str) -> None:
-        await _relay(websocket, token, parts)
-
-
-async def _relay(websocket: WebSocket, token: str, parts: SiteParts) -> None:
-    """Joins a browser to its own stage; anyone else is refused before the connection is accepted."""
-    headers = websocket.headers
-    if not proxy.is_same_origin(headers.get("origin"), headers.get("host"), parts.public_url):
-        return await websocket.close(1008)
-    session = await run_in_threadpool(services.find, parts.runtime, token)
-    if session is None:
-        return await websocket.close(1008)
-    try:
-        async with parts.keeper.visit(session.id) as stage:
-            await proxy.relay(websocket, stage.port)
-    except StageBusyError:
-        await websocket.close(1013)
-    return None

@@ -59,7 +59,7 @@ function setOffline(value) {
   isOffline = value;
   notice.textContent = value
     ? isSending
-      ? "Connection lost. Your answer is kept and will be sent as soon as it is back."
+      ? "Connection lost. Your answer will be sent as soon as it is back."
       : "Connection lost. Trying again…"
     : "";
   // viser's own client reconnects only while its document has focus, which the stage never has.

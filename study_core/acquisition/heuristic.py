@@ -2,8 +2,8 @@
 
     maximise over i != j    p(w_i) p(w_j) + mu |w_i - w_j|
 
-p is the unnormalised posterior density, likelihood times a prior density of 1 (Katz et al. 2021, Sec. II-B). The product
-is taken as the exponential of a sum of logarithms that is never positive: it can't overflow, and where it
+p is the unnormalised posterior density, likelihood times a prior density of 1 (Katz et al. 2021, Sec. II-B). The
+product is taken as the exponential of a sum of logarithms that is never positive: it can't overflow, and where it
 underflows it is smaller than any difference of distances. The published code multiplied the two *log*-likelihoods,
 which prefers unlikely samples and is undefined before the first answer. Here every density is then 1, and the first
 query asks about the two samples that are farthest apart.

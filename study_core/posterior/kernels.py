@@ -97,7 +97,14 @@ def adapt(target, points, log_densities, covariance, normals, exponentials):
     for t in range(n_steps):
         for c in range(n_chains):
             log_densities[c], moved = _metropolis_step(
-                target, points[c], log_densities[c], factor, normals[t, c], exponentials[t, c], proposal, weights
+                target,
+                points[c],
+                log_densities[c],
+                factor,
+                normals[t, c],
+                exponentials[t, c],
+                proposal,
+                weights,
             )
             n_accepted += moved
             if t >= learn_from:
@@ -143,7 +150,14 @@ def sample(target, points, log_densities, factor, normals, exponentials):
     for t in range(n_steps):
         for c in range(n_chains):
             log_densities[c], moved = _metropolis_step(
-                target, points[c], log_densities[c], factor, normals[t, c], exponentials[t, c], proposal, weights
+                target,
+                points[c],
+                log_densities[c],
+                factor,
+                normals[t, c],
+                exponentials[t, c],
+                proposal,
+                weights,
             )
             n_accepted += moved
             draws[c, t] = points[c]

@@ -57,9 +57,7 @@ class Prior:
             return weights[:, :-1] / weights.sum(axis=1, keepdims=True)
         return weights
 
-    def weights(
-        self, coordinates: Float[np.ndarray, "n n_coordinates"]
-    ) -> Float[np.ndarray, "n n_features"]:
+    def weights(self, coordinates: Float[np.ndarray, "n n_coordinates"]) -> Float[np.ndarray, "n n_features"]:
         """Returns the weight vector of each row of coordinates."""
         if self.support == "ball":
             return coordinates

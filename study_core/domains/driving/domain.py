@@ -32,7 +32,7 @@ from jaxtyping import Float
 
 from study_core.domains.driving import features, kernels, looks
 from study_core.domains.driving.dynamics import DT_S, HUMAN_PATH, N_BLOCKS, ROBOT_START, simulate
-from study_core.scene import Bounds, Scene, Track
+from study_core.scene import Body, Bounds, Scene, Track
 
 
 class Driving:
@@ -78,7 +78,7 @@ _CAR_RADIUS = 0.14
 _ROAD = Bounds(-features.ROAD_EDGE, features.ROAD_EDGE, 0.0, 0.0)
 
 
-def _track(body: looks.Body, path: Float[np.ndarray, "51 4"]) -> Track:
+def _track(body: Body, path: Float[np.ndarray, "51 4"]) -> Track:
     """Returns the body on its path; a car's own front is straight ahead, theta = pi/2."""
     positions = np.column_stack([path[:, :2], np.zeros(len(path))])
     return Track(body, positions, path[:, 2] - np.pi / 2)

@@ -23,7 +23,9 @@ HUMAN_START = np.array([0.17, 0.0, np.pi / 2, 0.41])
 HUMAN_CONTROLS = np.array([[0.0, 0.41, 1.0, 0.41, -1.0, 0.41, 0.0, 0.533, 0.0, 0.533]])
 
 
-def _speed_response() -> tuple[Float[np.ndarray, " n_steps_plus_1"], Float[np.ndarray, "n_blocks n_steps_plus_1"]]:
+def _speed_response() -> tuple[
+    Float[np.ndarray, " n_steps_plus_1"], Float[np.ndarray, "n_blocks n_steps_plus_1"]
+]:
     """Returns how speed at steps 0..N_STEPS answers the start speed, and the gas of each block."""
     decay = (1.0 - DT_S) ** np.arange(N_STEPS + 1)
     lag = np.arange(N_STEPS + 1)[None, :] - 1 - np.arange(N_STEPS)[:, None]

@@ -74,7 +74,10 @@ def _forward(controls, weights, speed, sine, cosine, reward_x, reward_y):
         closeness = math.exp(-(COLLISION_X * dx * dx + COLLISION_Y * dy * dy))
         too_slow = speed[t + 1] - 1.0
         total += (
-            weights[0] * lane - weights[1] * too_slow * too_slow + weights[2] * sine[t + 1] - weights[3] * closeness
+            weights[0] * lane
+            - weights[1] * too_slow * too_slow
+            + weights[2] * sine[t + 1]
+            - weights[3] * closeness
         )
         reward_x[t] = -weights[0] * 2.0 * LANE_SHARPNESS * off_centre * lane
         reward_x[t] += weights[3] * 2.0 * COLLISION_X * dx * closeness

@@ -20,8 +20,9 @@ from study_core.scene import Body, Bounds, Mesh
 BACKGROUND = "#86a86b"
 """The grass, wherever nothing else is drawn."""
 
-_Triangles: TypeAlias = Float[np.ndarray, "n_triangles 3 3"]
+_Triangles: TypeAlias = Float[np.ndarray, "_ 3 3"]
 _Quad: TypeAlias = Float[np.ndarray, "4 3"]
+_Point: TypeAlias = tuple[float, float, float] | Float[np.ndarray, "3"]
 _Ring: TypeAlias = tuple[float, float, float, float, float]
 """A cross-section `(y, half width at the bottom, half width at the top, z of the bottom, z of the top)`."""
 
@@ -61,7 +62,7 @@ def _mesh(triangles: Iterable[_Triangles], colour: str) -> Mesh:
     return Mesh(corners, indices, colour)
 
 
-def _quad(corners: Sequence[Sequence[float]] | _Quad) -> _Triangles:
+def _quad(corners: Sequence[_Point] | _Quad) -> _Triangles:
     """Two triangles from four corners given counter-clockwise as seen from outside."""
     a, b, c, d = np.asarray(corners, dtype=np.float64)
     return np.array([[a, b, c], [a, c, d]])
@@ -347,7 +348,7 @@ def _tufts(y: tuple[float, float], seed: int) -> _Triangles:
     return np.concatenate(parts)
 
 
-def _turned(shape: _Quad, angles: Float[np.ndarray, " n"]) -> _Triangles:
+def _turned(shape: Float[np.ndarray, "k 3"], angles: Float[np.ndarray, " n"]) -> _Triangles:
     """A flat shape at each of several angles."""
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     x, y, z = shape.T

@@ -1,0 +1,82 @@
+"""What the database says about the answers that people were told are saved."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+from app.bench.browser import Diary, SentAnswer
+from app.services.tokens import hash_token
+from app.stage.framing import Layout
+from app.store import Store, open_store
+from study_core import session_codec
+from study_core.session import AnswerGiven, QueryPrepared
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What was found.
+
+    Attributes:
+        waits_ms: From sending an answer to the last byte of the next query's own clip, for each that has one.
+        n_clips_missing: Answers whose next query was prepared, but whose clip never came.
+        n_lost: Acknowledged answers that the log doesn't hold, or holds with another choice.
+        n_doubled: Entries of the log beyond the first for one acknowledged answer.
+    """
+
+    waits_ms: list[float]
+    n_clips_missing: int
+    n_lost: int
+    n_doubled: int
+
+
+def audit(database: str, diary: Diary) -> Audit:
+    """Compares what people saw with what is stored."""
+    by_token: dict[str, list[SentAnswer]] = defaultdict(list)
+    for answer in diary.answers:
+        by_token[answer.token].append(answer)
+    arrivals: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for clip in diary.clips:
+        arrivals[clip.token, clip.digest].append(clip.at)
+    audits = []
+    with open_store(database) as store:
+        for token, answers in by_token.items():
+            audits.append(_audit_one(_Log(store, token), answers, arrivals))
+    return Audit(
+        [wait for each in audits for wait in each.waits_ms],
+        sum(each.n_clips_missing for each in audits),
+        sum(each.n_lost for each in audits),
+        sum(each.n_doubled for each in audits),
+    )
+
+
+class _Log:
+    """One session's log, by query index."""
+
+    def __init__(self, store: Store, token: str) -> None:
+        self.choices: dict[int, list[str]] = defaultdict(list)
+        self.clips: dict[int, str] = {}
+        session = store.session_by_token(hash_token(token))
+        for record in store.events(session.id) if session is not None else ():
+            event = session_codec.from_json(record.kind, record.payload)
+            if isinstance(event, AnswerGiven):
+                self.choices[event.query_index].append(event.choice.value)
+            elif isinstance(event, QueryPrepared):
+                self.clips[event.query_index] = event.clips[Layout.WIDE.value]
+
+
+def _audit_one(log: _Log, answers: list[SentAnswer], arrivals: dict[tuple[str, str], list[float]]) -> Audit:
+    waits_ms, n_missing, n_lost, n_doubled = [], 0, 0, 0
+    for answer in answers:
+        stored = log.choices[answer.query_index]
+        n_lost += answer.choice not in stored
+        n_doubled += max(0, len(stored) - 1)
+        next_clip = log.clips.get(answer.query_index + 1)
+        if next_clip is None:
+            continue
+        shown_at = [at for at in arrivals[answer.token, next_clip] if at > answer.sent_at]
+        if shown_at:
+            waits_ms.append(1e3 * (min(shown_at) - answer.sent_at))
+        else:
+            n_missing += 1
+    return Audit(waits_ms, n_missing, n_lost, n_doubled)

@@ -1,0 +1,187 @@
+"""Everything that was recorded, as tidy tables: one row a person, query, answer, posterior, event."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Literal, TextIO
+
+from app.errors import AppError
+from app.store import EventRecord, PosteriorRecord, SessionRecord, Store
+from study_core.domain import Domain
+from study_core.study import Study, parse_study
+
+Row = dict[str, Any]
+Format = Literal["csv", "jsonl"]
+People = Literal["real", "rehearsed", "all"]
+
+
+class ExportError(AppError):
+    """An export that can't be written, or would hold nothing."""
+
+
+def export(store: Store, folder: Path, form: Format, people: People, on_person: Callable[[], None]) -> int:
+    """Writes all tables and the study files into a new folder.
+
+    Args:
+        store: Where the answers are.
+        folder: Must not exist, or be empty.
+        form: `csv`, where lists become numbered or named columns, or `jsonl`.
+        people: Real ones, rehearsed ones, or all.
+        on_person: Called after each person.
+
+    Returns:
+        How many people were written.
+
+    Raises:
+        ExportError: There is nobody to export, or the folder can't be used.
+    """
+    sessions = [record for record in store.sessions() if _is_wanted(record, people)]
+    if not sessions:
+        raise ExportError(f"There are no {people} people to export. Has anyone begun? Try --people all.")
+    _make_empty(folder)
+    with ExitStack() as stack:
+        tables: dict[str, _Table] = {}
+        for record in sessions:
+            study = parse_study(store.study_text(record.study_hash))
+            _write_study(folder, study)
+            for name, row in _rows(store, record, study):
+                if name not in tables:
+                    tables[name] = _open_table(stack, folder, name, form)
+                tables[name].write(row)
+            on_person()
+    return len(sessions)
+
+
+def _is_wanted(record: SessionRecord, people: People) -> bool:
+    return people == "all" or record.is_rehearsed == (people == "rehearsed")
+
+
+def _make_empty(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise ExportError(f"{folder} is not empty. Name a new folder; exports never overwrite.")
+        (folder / "studies").mkdir()
+    except OSError as error:
+        raise ExportError(f"Can't write to {folder}: {error.strerror}. Name another folder.") from error
+
+
+def _write_study(folder: Path, study: Study) -> None:
+    path = folder / "studies" / f"{study.hash}.toml"
+    if not path.exists():
+        path.write_text(study.text, encoding="utf-8")
+
+
+def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[str, Row]]:
+    """Gives every row of one person, with the name of its table."""
+    events = store.events(record.id)
+    yield "people", _person_row(record, study, events)
+    for event in events:
+        yield "events", _event_row(record, event)
+        if event.kind == "query_prepared":
+            yield "queries", _query_row(record, study.domain, event)
+        elif event.kind == "answer_given":
+            yield "answers", {"person_id": record.id, **event.payload, "answered_at": event.at.isoformat()}
+    for posterior in store.posteriors(record.id):
+        yield "posteriors", _posterior_row(record, study.domain, posterior)
+
+
+def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, ...]) -> Row:
+    n_answers = sum(event.kind == "answer_given" for event in events)
+    return {
+        "person_id": record.id,
+        "study": study.name,
+        "study_hash": record.study_hash,
+        "ordinal": record.ordinal,
+        "is_rehearsed": record.is_rehearsed,
+        "created_at": record.created_at.isoformat(),
+        "n_answers": n_answers,
+        "is_finished": n_answers == study.protocol.n_queries,
+    }
+
+
+def _event_row(record: SessionRecord, event: EventRecord) -> Row:
+    return {
+        "person_id": record.id,
+        "position": event.position,
+        "kind": event.kind,
+        "at": event.at.isoformat(),
+        "payload": event.payload,
+    }
+
+
+def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row:
+    content = event.payload
+    query, provenance = content["query"], content["provenance"]
+    named = {
+        key: dict(zip(domain.feature_names, query[key], strict=True)) for key in ("features_a", "features_b")
+    }
+    weights = {
+        key: dict(zip(domain.feature_names, provenance[key], strict=True))
+        for key in ("weights_a", "weights_b")
+    }
+    return {
+        "person_id": record.id,
+        **{key: value for key, value in content.items() if key not in ("query", "provenance")},
+        **query,
+        **named,
+        **provenance,
+        **weights,
+        "prepared_at": event.at.isoformat(),
+    }
+
+
+def _posterior_row(record: SessionRecord, domain: Domain, posterior: PosteriorRecord) -> Row:
+    names = domain.feature_names
+    per_weight = {
+        key: dict(zip(names, posterior.summary[key], strict=True))
+        for key in ("r_hat", "ess_bulk", "ess_tail")
+    }
+    return {
+        "person_id": record.id,
+        "query_index": posterior.query_index,
+        "mean": dict(zip(names, posterior.mean.tolist(), strict=True)),
+        **posterior.summary,
+        **per_weight,
+    }
+
+
+class _Table:
+    """One file of the export, written row by row."""
+
+    def __init__(self, file: TextIO, form: Format) -> None:
+        self._file = file
+        self._is_csv = form == "csv"
+        self._writer: csv.DictWriter[str] | None = None
+
+    def write(self, row: Row) -> None:
+        if not self._is_csv:
+            self._file.write(json.dumps(row) + "\n")
+            return
+        flat = dict(_flatten(row))
+        if self._writer is None:
+            self._writer = csv.DictWriter(self._file, list(flat), lineterminator="\n")
+            self._writer.writeheader()
+        self._writer.writerow(flat)
+
+
+def _open_table(stack: ExitStack, folder: Path, name: str, form: Format) -> _Table:
+    file = (folder / f"{name}.{form}").open("w", encoding="utf-8", newline="")
+    return _Table(stack.enter_context(file), form)
+
+
+def _flatten(row: Row) -> Iterator[tuple[str, Any]]:
+    """Gives lists and mappings as one column an entry; an event's whole payload stays JSON in one cell."""
+    for key, value in row.items():
+        if key in ("payload", "stream", "versions"):
+            yield key, json.dumps(value)
+        elif isinstance(value, dict):
+            yield from ((f"{key}_{name}", entry) for name, entry in value.items())
+        elif isinstance(value, list):
+            yield from ((f"{key}_{i}", entry) for i, entry in enumerate(value))
+        else:
+            yield key, value

@@ -1,0 +1,187 @@
+"""Deriving a session again from its answers, headless, and comparing it with what was stored."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.errors import AppError
+from app.services import study as services
+from app.services.runtime import Runtime
+from app.services.summary import Json, summarise
+from app.services.walk import walk
+from app.settings import find_study
+from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.errors import ScriptError, StudyError
+from study_core.queries import Participant
+from study_core.replay import first_difference
+from study_core.session import AnswerGiven, QueryPrepared, SessionBegun
+from study_core.study import Study, parse_study
+
+
+class ReplayDifferenceError(AppError):
+    """A query derived again isn't the one that was asked."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A session to derive again.
+
+    Attributes:
+        source: What to call it in messages.
+        study: The study.
+        participant: Names the session's random streams.
+        answers: In order.
+        stored: The queries as they were asked, or none for a script written by hand.
+    """
+
+    source: str
+    study: Study
+    participant: Participant
+    answers: tuple[AnswerGiven, ...]
+    stored: tuple[QueryPrepared, ...] = ()
+
+
+def read_scripts(path: Path) -> Iterator[Script]:
+    """Gives the sessions in a script (JSON Lines of answers) or in an exported directory.
+
+    Raises:
+        ScriptError: It is neither, or a line can't be used; the message names the line.
+    """
+    if path.is_dir():
+        yield from _read_export(path)
+    else:
+        yield _read_script(path)
+
+
+def replay(runtime: Runtime, script: Script) -> Json:
+    """Runs a script through the services; returns the session's summary.
+
+    Raises:
+        ScriptError: It has too few or too many answers.
+        ReplayDifferenceError: A stored query comes out differently; the message names the number.
+    """
+    is_partial = bool(script.stored) and len(script.answers) < script.study.protocol.n_queries
+    if not is_partial:
+        _require_count(script)
+    _, record = services.join(runtime, script.study, script.participant)
+    remaining = iter(script.answers)
+
+    def answer(prepared: QueryPrepared) -> tuple[Choice, int]:
+        _compare(script, prepared)
+        given = next(remaining)
+        if given.query_index != prepared.query_index:
+            raise ScriptError(
+                f"{script.source}: expected the answer to query {prepared.query_index}, got one to query "
+                f"{given.query_index}. Give the answers in order."
+            )
+        return given.choice, given.response_time_ms
+
+    # A person who left in the middle answered no more than this.
+    with suppress(StopIteration):
+        walk(runtime, record.id, answer)
+    return summarise(runtime, record.id)
+
+
+def _compare(script: Script, derived: QueryPrepared) -> None:
+    if derived.query_index >= len(script.stored):
+        return
+    difference = first_difference(script.stored[derived.query_index], derived)
+    if difference is not None:
+        raise ReplayDifferenceError(
+            f"{script.source}: query {derived.query_index} is not the one that was asked: {difference}."
+        )
+
+
+def _require_count(script: Script) -> None:
+    expected, got = script.study.protocol.n_queries, len(script.answers)
+    if got != expected:
+        raise ScriptError(
+            f"{script.source}: expected {expected} answers, one for each query of study '{script.study.name}', "
+            f"got {got}. Add or remove answers."
+        )
+
+
+def _read_script(path: Path) -> Script:
+    lines = _json_lines(path)
+    number, header = next(lines, (1, {}))
+    try:
+        study = find_study(str(header["study"]))
+        participant = header.get("participant", 1)
+    except (KeyError, StudyError) as error:
+        raise ScriptError(
+            f'{path}, line {number}: expected a first line like {{"study": "quickstart", "participant": 1}}: {error}'
+        ) from error
+    answers = tuple(_answer(path, number, content) for number, content in lines)
+    return Script(str(path), study, participant, answers)
+
+
+def _answer(path: Path, number: int, content: Json) -> AnswerGiven:
+    choice, index, time_ms = (
+        content.get("choice"),
+        content.get("query_index"),
+        content.get("response_time_ms", 0),
+    )
+    if choice not in set(Choice) or type(index) is not int or type(time_ms) is not int:
+        raise ScriptError(
+            f'{path}, line {number}: expected {{"query_index": 0, "choice": "a" or "b", "response_time_ms": 1200}}, '
+            f"got {json.dumps(content)}."
+        )
+    return AnswerGiven(index, Choice(choice), time_ms)
+
+
+def _json_lines(path: Path) -> Iterator[tuple[int, Json]]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScriptError(
+            f"Can't read {path}: {error}. Give a JSON Lines file or an exported directory."
+        ) from error
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            yield number, _parsed(path, number, line)
+
+
+def _parsed(path: Path, number: int, line: str) -> Json:
+    try:
+        content: Any = json.loads(line)
+    except json.JSONDecodeError as error:
+        raise ScriptError(f"{path}, line {number}: not JSON: {error}. Mend or remove the line.") from error
+    if not isinstance(content, dict):
+        raise ScriptError(f"{path}, line {number}: expected a JSON object, got {line[:60]}.")
+    return content
+
+
+def _read_export(folder: Path) -> Iterator[Script]:
+    people = folder / "people.jsonl"
+    if not people.exists():
+        raise ScriptError(
+            f"{folder} holds no people.jsonl. Give a directory that `export --format jsonl` wrote."
+        )
+    logs: dict[str, list[Json]] = {}
+    for _, row in _json_lines(folder / "events.jsonl"):
+        logs.setdefault(row["person_id"], []).append(row)
+    for _, person in _json_lines(people):
+        text = (folder / "studies" / f"{person['study_hash']}.toml").read_text(encoding="utf-8")
+        yield _exported_script(
+            folder, person["person_id"], parse_study(text), logs.get(person["person_id"], [])
+        )
+
+
+def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json]) -> Script:
+    events = [session_codec.from_json(row["kind"], row["payload"]) for row in rows]
+    begun = next((event for event in events if isinstance(event, SessionBegun)), None)
+    if begun is None:
+        raise ScriptError(f"{folder}: the log of person {person_id} does not begin. Export again.")
+    return Script(
+        f"{folder}, person {person_id}",
+        study,
+        begun.participant,
+        tuple(event for event in events if isinstance(event, AnswerGiven)),
+        tuple(event for event in events if isinstance(event, QueryPrepared)),
+    )

@@ -1,0 +1,51 @@
+"""A session in one record: what was asked, what was answered, what was learned. No clock times, no random ids."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.services.runtime import Runtime
+from study_core import session_codec
+from study_core.session import Phase, SessionState
+
+Json = dict[str, Any]
+
+
+def summarise(runtime: Runtime, session_id: str) -> Json:
+    """Returns a session's queries, answers, last posterior and test accuracy: a function of study and answers alone."""
+    live = runtime.live(session_id)
+    posteriors = runtime.store.posteriors(session_id)
+    mean = posteriors[-1].mean
+    return {
+        "study": live.study.name,
+        "study_hash": live.study.hash,
+        "participant": live.state.participant,
+        "queries": _queries(live.state),
+        "posterior": {"mean": mean.tolist(), **posteriors[-1].summary},
+        "test_accuracy": test_accuracy(live.state, mean.tolist()),
+    }
+
+
+def _queries(state: SessionState) -> list[Json]:
+    rows = []
+    for prepared, given in zip(state.prepared, state.answers, strict=False):
+        rows.append(
+            {
+                "query_index": prepared.query_index,
+                "phase": prepared.phase.value,
+                **session_codec.proposed_to_json(prepared.proposed),
+                "clips": dict(sorted(prepared.clips.items())),
+                "choice": given.choice.value,
+            }
+        )
+    return rows
+
+
+def test_accuracy(state: SessionState, weights: list[float]) -> float | None:
+    """Returns the share of test answers that w predicts, or None without test answers."""
+    hits = [
+        float(prepared.proposed.query.feature_diff @ weights) * given.choice.sign > 0.0
+        for prepared, given in zip(state.prepared, state.answers, strict=False)
+        if prepared.phase is Phase.TEST
+    ]
+    return sum(hits) / len(hits) if hits else None

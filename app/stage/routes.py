@@ -1,0 +1,79 @@
+"""The way from a participant's page to their stage: viser's client, its websocket, and what the page asks of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, HTTPException, Request, WebSocket
+from fastapi.responses import JSONResponse, Response
+from pydantic import BaseModel, ConfigDict
+from starlette.concurrency import run_in_threadpool
+
+from app.origin import is_same_origin
+from app.stage import proxy
+from app.stage.keeper import Action, StageKeeper
+from app.stage.stage import StageBusyError
+
+_REFUSED = 1008
+_TRY_AGAIN_LATER = 1013
+
+
+class StageRequest(BaseModel):
+    """What the page asks of its stage."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    action: Action
+
+
+def stage_routes(
+    keeper: StageKeeper, session_of: Callable[[str], str | None], public_url: str | None
+) -> APIRouter:
+    """Returns the routes below `/s/{token}/stage`.
+
+    Args:
+        keeper: The stages.
+        session_of: Gives the id of the session that a secret token opens, or None.
+        public_url: Address that participants use, if it isn't the one the server listens on.
+    """
+    router = APIRouter()
+
+    def known(token: str) -> str:
+        session_id = session_of(token)
+        if session_id is None:
+            raise HTTPException(404)
+        return session_id
+
+    session = Annotated[str, Depends(known)]
+
+    @router.post("/s/{token}/stage", status_code=204)
+    def act(session_id: session, body: StageRequest) -> Response:
+        if keeper.perform(session_id, body.action):
+            return Response(status_code=204)
+        message = "There is no stage to do this on; load it again."
+        return JSONResponse({"error": {"code": "no-stage", "message": message}}, status_code=409)
+
+    @router.get("/s/{token}/stage/", dependencies=[Depends(known)])
+    def client(request: Request) -> Response:
+        if proxy.has_forbidden_query(request.url.query):
+            raise HTTPException(400)
+        page, headers = proxy.client_page()
+        return Response(page, headers=dict(headers))
+
+    @router.websocket("/s/{token}/stage")
+    async def stage(websocket: WebSocket, token: str) -> None:
+        headers = websocket.headers
+        is_ours = is_same_origin(headers.get("origin"), headers.get("host"), public_url)
+        session_id = await run_in_threadpool(session_of, token) if is_ours else None
+        if session_id is None:
+            # Refused before it is accepted: nobody learns whether the token or the origin was wrong.
+            await websocket.close(_REFUSED)
+            return
+        try:
+            async with keeper.visit(session_id) as visited:
+                await proxy.relay(websocket, visited.port)
+        except StageBusyError:
+            await websocket.close(_TRY_AGAIN_LATER)
+
+    return router

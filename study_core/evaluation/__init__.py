@@ -1,0 +1,1 @@
+"""How well models of a person's preferences predict that person's answers."""

@@ -1,0 +1,35 @@
+"""Whether a query derived again is the query that was asked, to the last bit."""
+
+from __future__ import annotations
+
+from study_core import session_codec
+from study_core.session import QueryPrepared
+
+# What says when and by whom a query was computed, not which query it is.
+_CIRCUMSTANCES = ("code_version", "compute_ms")
+
+
+def first_difference(stored: QueryPrepared, derived: QueryPrepared) -> str | None:
+    """Returns the name and both values of the first number or text that differs, or None.
+
+    The cost of computing it and the version of the program are circumstances, not part of the query.
+    """
+    return _difference("", _content(stored), _content(derived))
+
+
+def _content(prepared: QueryPrepared) -> session_codec.Json:
+    content = session_codec.to_json(prepared)
+    return {key: value for key, value in content.items() if key not in _CIRCUMSTANCES}
+
+
+def _difference(where: str, stored: object, derived: object) -> str | None:
+    if isinstance(stored, dict) and isinstance(derived, dict):
+        keys = sorted(stored.keys() | derived.keys())
+        parts = [(f"{where}.{key}".lstrip("."), stored.get(key), derived.get(key)) for key in keys]
+    elif isinstance(stored, list) and isinstance(derived, list) and len(stored) == len(derived):
+        parts = [
+            (f"{where}[{i}]", old, new) for i, (old, new) in enumerate(zip(stored, derived, strict=True))
+        ]
+    else:
+        return None if stored == derived else f"{where}: stored {stored!r}, derived {derived!r}"
+    return next((found for part in parts if (found := _difference(*part)) is not None), None)

@@ -1,0 +1,249 @@
+"""The order of what a stage tells its viser server, and who gets a stage for how long."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from app.stage.clip import build_clip, duration_s
+from app.stage.framing import Layout
+from app.stage.keeper import Action, StageKeeper
+from app.stage.stage import REVEAL_S, Picture, Stage, StageBusyError, StageClosedError
+from study_core.scene import Scene
+from tests.stage.made_up import drive
+
+
+class Clock:
+    """A clock that goes on when told."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def stage(clock: Clock) -> Iterator[Stage]:
+    stage = Stage(clock=clock)
+    yield stage
+    stage.close()
+
+
+@pytest.fixture
+def keeper(picture: Picture) -> Iterator[StageKeeper]:
+    keeper = StageKeeper(lambda _: picture, capacity=2, idle_s=0.2)
+    yield keeper
+    keeper.close()
+
+
+def wait_until(condition: Callable[[], bool], at_most_s: float = 5.0) -> None:
+    deadline = time.monotonic() + at_most_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def nodes(stage: Stage) -> dict[str, tuple[bool, bytes]]:
+    """Clips on a stage: whether each is seen, and its bytes."""
+    handles = stage._server.scene._handle_from_node_name
+    return {
+        name: (handle.visible, handle.glb_data)
+        for name, handle in dict(handles).items()
+        if hasattr(handle, "glb_data")
+    }
+
+
+def seen(stage: Stage) -> list[bytes]:
+    return [data for is_visible, data in nodes(stage).values() if is_visible]
+
+
+def test_the_first_picture_is_seen_at_once(stage: Stage, picture: Picture) -> None:
+    stage.show(picture)
+    assert seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE)]
+
+
+def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, picture: Picture) -> None:
+    stage.show(picture)
+    old = seen(stage)
+    stage.show(Picture(1, picture.b, picture.a))
+    assert seen(stage) == old
+    assert len(nodes(stage)) == 2
+    new = [build_clip(picture.b, picture.a, Layout.WIDE)]
+    states = []
+
+    def done() -> bool:
+        # The lock makes what is read here one moment, as the message batch does in the browser.
+        with stage._lock:
+            states.append(seen(stage))
+        return len(nodes(stage)) == 1
+
+    wait_until(done)
+    assert all(state in (old, new) for state in states)
+    assert states[-1] == new
+
+
+def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes: tuple[Scene, Scene]) -> None:
+    for index in range(6):
+        stage.show(Picture(index, *scenes))
+        stage.replay()
+    last = Picture(9, drive(0.05), drive(-0.05))
+    stage.show(last)
+    wait_until(lambda: seen(stage) == [build_clip(last.a, last.b, Layout.WIDE)] and len(nodes(stage)) == 1)
+
+
+def test_pause_shows_the_moment_at_which_the_still_picture_appears(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.show(picture)
+    clock.now += 2.0
+    stage.pause()
+    still = build_clip(picture.a, picture.b, Layout.WIDE, 2.0 + REVEAL_S, frozen=True)
+    wait_until(lambda: seen(stage) == [still])
+    assert stage.is_paused
+
+
+def test_resume_goes_on_from_the_paused_moment(stage: Stage, picture: Picture, clock: Clock) -> None:
+    stage.show(picture)
+    clock.now += 2.0
+    stage.pause()
+    clock.now += 30.0
+    stage.resume()
+    # The hidden clip runs for REVEAL_S before it is seen.
+    wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE, 2.0)])
+    assert not stage.is_paused
+
+
+def test_pause_finds_its_place_after_several_loops(stage: Stage, picture: Picture, clock: Clock) -> None:
+    stage.show(picture)
+    clock.now += 3 * duration_s(picture.a, picture.b) + 1.0
+    stage.pause()
+    assert stage._play.start_s == pytest.approx(1.0 + REVEAL_S)
+
+
+def test_another_layout_keeps_the_place_and_comes_at_once(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.show(picture)
+    clock.now += 1.5
+    stage.set_layout(Layout.TALL)
+    assert seen(stage) == [build_clip(picture.a, picture.b, Layout.TALL, 1.5)]
+
+
+def test_a_new_picture_plays_even_if_the_last_was_paused(stage: Stage, picture: Picture) -> None:
+    stage.show(picture)
+    stage.pause()
+    stage.show(Picture(1, picture.b, picture.a))
+    assert not stage.is_paused
+
+
+def test_a_stage_listens_on_this_machine_only_and_closes_its_port(picture: Picture) -> None:
+    stage = Stage()
+    assert stage._server.get_host() == "127.0.0.1"
+    with socket.create_connection(("127.0.0.1", stage.port), timeout=5):
+        pass
+    stage.close()
+    stage.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", stage.port), timeout=5)
+    with pytest.raises(StageClosedError):
+        stage.show(picture)
+
+
+def test_a_session_has_one_stage_for_all_its_viewers(keeper: StageKeeper, picture: Picture) -> None:
+    stage = keeper.enter("ann")
+    assert keeper.enter("ann") is stage
+    assert keeper.n_viewers("ann") == 2
+    assert stage.picture == picture
+    assert keeper.enter("bob") is not stage
+
+
+def test_the_last_viewer_to_leave_closes_the_stage_after_a_while(keeper: StageKeeper) -> None:
+    stage = keeper.enter("ann")
+    keeper.enter("ann")
+    keeper.leave("ann")
+    time.sleep(0.3)
+    assert keeper.find("ann") is stage
+    keeper.leave("ann")
+    assert keeper.find("ann") is stage
+    wait_until(lambda: keeper.find("ann") is None)
+
+
+def test_coming_back_in_time_finds_the_same_stage(keeper: StageKeeper) -> None:
+    stage = keeper.enter("ann")
+    keeper.leave("ann")
+    assert keeper.enter("ann") is stage
+    time.sleep(0.4)
+    assert keeper.find("ann") is stage
+
+
+def test_coming_back_too_late_builds_the_stage_anew_from_the_session(keeper: StageKeeper) -> None:
+    stage = keeper.enter("ann")
+    keeper.leave("ann")
+    wait_until(lambda: keeper.find("ann") is None)
+    again = keeper.enter("ann")
+    assert again is not stage
+    assert again.picture is not None
+
+
+def test_a_full_house_turns_people_away(keeper: StageKeeper) -> None:
+    keeper.enter("ann")
+    keeper.enter("bob")
+    with pytest.raises(StageBusyError, match="All 2 stages are in use"):
+        keeper.enter("cat")
+    assert len(keeper) == 2
+
+
+def test_a_stage_that_nobody_watches_makes_room(keeper: StageKeeper) -> None:
+    keeper.enter("ann")
+    keeper.enter("bob")
+    keeper.leave("ann")
+    keeper.enter("cat")
+    assert keeper.find("ann") is None
+    assert keeper.find("bob") is not None
+
+
+def test_refreshing_shows_a_new_query_but_does_not_restart_the_same_one(scenes: tuple[Scene, Scene]) -> None:
+    current = [Picture(0, *scenes)]
+    keeper = StageKeeper(lambda _: current[0])
+    try:
+        stage = keeper.enter("ann")
+        before = seen(stage)
+        keeper.refresh("ann")
+        assert len(nodes(stage)) == 1
+        current[0] = Picture(1, *reversed(scenes))
+        keeper.refresh("ann")
+        wait_until(lambda: seen(stage) != before)
+        keeper.refresh("nobody")
+    finally:
+        keeper.close()
+
+
+def test_a_layout_asked_for_before_the_stage_exists_is_remembered(keeper: StageKeeper) -> None:
+    assert keeper.perform("ann", Action.TALL)
+    assert not keeper.perform("ann", Action.REPLAY)
+    stage = keeper.enter("ann")
+    assert stage.layout is Layout.TALL
+    assert keeper.perform("ann", Action.PAUSE)
+    assert stage.is_paused
+    assert keeper.perform("ann", Action.RESUME)
+    assert not stage.is_paused
+
+
+def test_nothing_is_shown_while_there_is_no_picture() -> None:
+    keeper = StageKeeper(lambda _: None)
+    try:
+        stage = keeper.enter("ann")
+        stage.replay()
+        stage.pause()
+        assert nodes(stage) == {}
+    finally:
+        keeper.close()
