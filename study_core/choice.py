@@ -47,7 +47,8 @@ class ResponseModel:
 
     def probability_of_a(self, reward_diffs: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
         """Returns P(A) for reward differences R_A - R_B of any shape."""
-        return 0.5 * self.lapse_rate + (1.0 - self.lapse_rate) * expit(self.rationality * reward_diffs)
+        chosen = expit(self.rationality * reward_diffs)
+        return np.asarray(0.5 * self.lapse_rate + (1.0 - self.lapse_rate) * chosen)
 
     def log_likelihood(
         self, weights: Float[np.ndarray, "n_weights n_features"], comparisons: ComparisonSet

@@ -312,11 +312,26 @@ def _check_bounds(scene: Scene) -> None:
             f"Expected finite bounds of some size, got {bounds}. Order them as minimum, maximum."
         )
     for track in scene.tracks:
-        x, y = track.positions[:, 0], track.positions[:, 1]
-        if min(x) < bounds.x_min or max(x) > bounds.x_max or min(y) < bounds.y_min or max(y) > bounds.y_max:
+        x, y = _reach(track)
+        if (
+            x.min() < bounds.x_min
+            or x.max() > bounds.x_max
+            or y.min() < bounds.y_min
+            or y.max() > bounds.y_max
+        ):
             raise DomainError(
-                f"Expected the scene's bounds to hold every position of '{track.body.name}', got {bounds}. Widen them."
+                f"Expected the scene's bounds to hold all of '{track.body.name}' at every frame, got {bounds}. "
+                "Widen them."
             )
+
+
+def _reach(track: Track) -> tuple[np.ndarray, np.ndarray]:
+    """Returns x and y of the body's origin and of all its corners at every frame, each `(n_frames, n_points)`."""
+    corners = np.vstack([np.zeros((1, 3)), *(mesh.vertices for mesh in track.body.meshes)])
+    sine, cosine = np.sin(track.yaws_rad)[:, None], np.cos(track.yaws_rad)[:, None]
+    x = track.positions[:, :1] + cosine * corners[:, 0] - sine * corners[:, 1]
+    y = track.positions[:, 1:2] + sine * corners[:, 0] + cosine * corners[:, 1]
+    return x, y
 
 
 def _check_same_scene(first: Scene, second: Scene) -> None:

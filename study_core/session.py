@@ -170,6 +170,11 @@ def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> Session
             f"Expected query {state.query_index} of {study.protocol.n_queries} after its predecessor's answer; "
             f"got query {event.query_index}."
         )
+    phase = phase_of(study, event.query_index)
+    if event.phase is not phase:
+        raise SessionError(
+            f"Expected query {event.query_index} in the {phase} phase, got {event.phase}. Prepare it for that phase."
+        )
     return replace(state, prepared=(*state.prepared, event))
 
 

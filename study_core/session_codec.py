@@ -60,7 +60,7 @@ def from_json(kind: str, content: Json) -> Event:
             return AnswerGiven(content["query_index"], Choice(content["choice"]), content["response_time_ms"])
         if kind == "query_prepared":
             return _query_prepared(content)
-    except (KeyError, ValueError, TypeError) as error:
+    except (AttributeError, KeyError, ValueError, TypeError) as error:
         raise SessionError(
             f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?"
         ) from error

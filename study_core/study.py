@@ -8,7 +8,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -54,7 +54,7 @@ class ResponseSection(_Section):
     lapse_rate: float = Field(0.0, ge=0, lt=1, description="Share of answers given at random.")
 
     @model_validator(mode="after")
-    def _clipped_linear_has_no_lapse(self) -> Self:
+    def _clipped_linear_has_no_lapse(self) -> ResponseSection:
         if self.model == "clipped-linear" and self.lapse_rate != 0.0:
             raise ValueError("lapse_rate must be 0 for the clipped-linear model")
         return self
@@ -75,7 +75,7 @@ class SamplerSection(_Section):
     draws: int = Field(3750, ge=100, description="Steps of each chain that are kept.")
 
     @model_validator(mode="after")
-    def _has_enough_draws(self) -> Self:
+    def _has_enough_draws(self) -> SamplerSection:
         if self.samples > self.chains * self.draws:
             raise ValueError("samples can't exceed chains x draws")
         return self

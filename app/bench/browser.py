@@ -229,5 +229,6 @@ def _camera_message() -> bytes:
 
 def _checked(reply: httpx.Response) -> httpx.Response:
     if not reply.is_success:
-        raise BenchError(f"Expected the server to do what was asked, got status {reply.status_code}.")
+        asked = f"{reply.request.method} .../{reply.request.url.path.split('/', 3)[-1]}"
+        raise BenchError(f"Expected the server to do {asked}, got {reply.status_code}: {reply.text[:200]}.")
     return reply

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import app.process  # noqa: F401  # isort: skip - before numpy
-
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from rich.progress import Progress
 
 from app.bench import plain
-from app.bench.person import Person
-from app.bench.report import BenchError, Progress, provenance, spread
+from app.bench.report import BenchError, provenance, spread
 from app.continuation import clip_digests, continue_session
 from app.services.continuation import Request
 from app.settings import find_study
 from study_core import trajectory
 from study_core.comparison import ComparisonSet
+from study_core.participants import draw_person
 from study_core.posterior.diagnostics import diagnose
 from study_core.posterior.run import Posterior
 from study_core.queries import infer_posterior, propose_active_query
@@ -39,7 +38,7 @@ def run(
 
     Args:
         seed: Of the simulated people and the plain way's own randomness.
-        progress: Told how far it is.
+        progress: Shows how far it is.
         n_people: How many sessions are continued.
         n_plain: How many of them are continued the plain way as well.
         n_answers: Answers that each person has given before.
@@ -57,10 +56,10 @@ def run(
     requests = _answered_sessions(study, seed, n_people, n_answers, progress)
     ours = [_timed_parts(study, request) for request in requests]
     theirs = []
-    for number, request in enumerate(requests[:n_plain]):
-        progress("the plain way", number, n_plain)
+    for number, request in progress.track(
+        enumerate(requests[:n_plain]), n_plain, description="the plain way"
+    ):
         theirs.append(plain.next_query(stream(seed, "bench-plain", number), study, request.comparisons))
-    progress("the plain way", n_plain, n_plain)
     our_times = _by_part([times for times, _ in ours])
     plain_times = _by_part([result.milliseconds for result in theirs])
     posteriors = [posterior for _, posterior in ours[:n_plain]]
@@ -80,16 +79,15 @@ def _answered_sessions(
 ) -> list[Request]:
     """Returns what is to be computed after the last answer of each person, who has answered real active queries."""
     requests = []
-    for number in range(1, n_people + 1):
-        progress("people answering", number - 1, n_people)
-        person = Person(study, seed, number)
+    for number in progress.track(range(1, n_people + 1), description="people answering"):
+        person = draw_person(seed, number, study.prior, study.response)
+        rng = stream(seed, "bench-answers", number)
         request = Request(study.text, number, 0, ComparisonSet.empty(study.prior.n_features), True, None)
         for index in range(n_answers):
             query = continue_session(request).prepared.proposed.query
-            comparisons = request.comparisons.append(query, person.choose(query))
+            comparisons = request.comparisons.append(query, person.choose(rng, query))
             request = replace(request, query_index=index + 1, comparisons=comparisons)
         requests.append(_still_active(study, request))
-    progress("people answering", n_people, n_people)
     return requests
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import app.process  # noqa: F401  # isort: skip - before numpy
-
 import asyncio
 import time
 from collections.abc import Sequence
@@ -14,10 +12,11 @@ from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
+from rich.progress import Progress
 
 from app.bench.browser import Browser, Diary, join, open_page
 from app.bench.ledger import audit
-from app.bench.report import BenchError, Progress, percentile, provenance
+from app.bench.report import BenchError, percentile, provenance
 from app.bench.server import free_database, running_server
 from app.bench.walk import prepare_sessions
 from study_core.streams import stream
@@ -30,7 +29,7 @@ _ARRIVAL_GAP_S = 0.1
 _TIMEOUT_S = 40.0
 
 
-def run(seed: int, progress: Progress, people: int = 50, answers: int = 2000) -> dict[str, Any]:
+def run(seed: int, people: int, answers: int, progress: Progress) -> dict[str, Any]:
     """Lets simulated people answer at once against a server of its own, and counts and times.
 
     A browser knows nothing of features, so while the clock runs choices are drawn by a fair coin. That is the harder
@@ -38,9 +37,9 @@ def run(seed: int, progress: Progress, people: int = 50, answers: int = 2000) ->
 
     Args:
         seed: Of the simulated people.
-        progress: Told how far it is.
         people: How many are there at once; their sessions hold 0 to 150 answers when the clock starts.
         answers: How many they give together, at least.
+        progress: Shows how far it is.
 
     Returns:
         Percentiles of the time from sending an answer to the last byte of the next clip, and to the reply; how many
@@ -121,12 +120,12 @@ class _Crowd:
         """Measures from the moment when the last person has arrived to the last answer."""
         await everyone_is_here.wait()
         began, cpu_began = time.perf_counter(), time.process_time()
+        task = self.progress.add_task("answers", total=self.n_wanted)
         while len(self.diary.answers) < self.n_wanted:
-            self.progress("answers", len(self.diary.answers), self.n_wanted)
             await asyncio.sleep(0.5)
+            self.progress.update(task, completed=len(self.diary.answers))
         self.seconds = time.perf_counter() - began
         self.cpu_share = (time.process_time() - cpu_began) / self.seconds
-        self.progress("answers", self.n_wanted, self.n_wanted)
 
     async def _stay(
         self, http: httpx.AsyncClient, token: str, number: int, everyone_is_here: asyncio.Barrier

@@ -2,41 +2,20 @@
 
 from __future__ import annotations
 
-import app.process  # noqa: F401  # isort: skip - before numpy
-
 import multiprocessing
-import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 
+from rich.progress import Progress
+
+import app.process  # noqa: F401  - before numpy, in a process of its own as well
 from app import wiring
-from app.bench.person import Person
-from app.bench.report import BenchError, Progress
 from app.services import study as services
-from app.services.runtime import Runtime
 from app.settings import find_study
-from study_core.comparison import Query
+from study_core.participants import draw_person
+from study_core.streams import stream
 
 _N_PROCESSES = 2
 _RESPONSE_TIME_MS = 3000
-_LONGEST_WAIT_S = 60.0
-
-
-@dataclass(frozen=True)
-class Walk:
-    """A session to be walked up to somewhere.
-
-    Attributes:
-        token: The person's secret.
-        session_id: The session.
-        number: Which simulated person.
-        n_answers: How many answers it is to hold.
-    """
-
-    token: str
-    session_id: str
-    number: int
-    n_answers: int
 
 
 def prepare_sessions(
@@ -49,61 +28,42 @@ def prepare_sessions(
         study_name: A study that ships.
         seed: Of the simulated people.
         answers: How many answers each session is to hold.
-        progress: Told how far it is.
+        progress: Shows how far it is.
 
     Returns:
         The secret token of each session, in the same order.
     """
-    walks = _join_everyone(database, study_name, answers)
-    # Workers that are forked would inherit locks of the threads that joining has started.
+    task = progress.add_task("sessions before the start", total=sum(answers))
+    with wiring.headless(database) as runtime:
+        runtime.open_study(find_study(study_name))
+    # Forked processes would inherit locks that a thread may be holding just then.
     context = multiprocessing.get_context("spawn")
-    done, total = 0, sum(answers)
-    progress("answers before the start", done, total)
     with ProcessPoolExecutor(_N_PROCESSES, mp_context=context) as pool:
-        longest_first = sorted(walks, key=lambda walk: -walk.n_answers)
-        futures = {
-            pool.submit(walk_session, database, study_name, seed, walk): walk for walk in longest_first
+        longest_first = sorted(range(len(answers)), key=lambda number: -answers[number])
+        walks = {
+            pool.submit(walk_session, database, study_name, seed, number, answers[number]): number
+            for number in longest_first
         }
+        tokens = {}
         try:
-            for future in as_completed(futures):
-                future.result()
-                done += futures[future].n_answers
-                progress("answers before the start", done, total)
+            for walk in as_completed(walks):
+                tokens[walks[walk]] = walk.result()
+                progress.advance(task, answers[walks[walk]])
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return [walk.token for walk in walks]
+    return [tokens[number] for number in range(len(answers))]
 
 
-def walk_session(database: str, study_name: str, seed: int, walk: Walk) -> None:
-    """Answers a session's queries until it holds as many answers as it should."""
-    person = Person(find_study(study_name), seed, walk.number)
-    with wiring.headless(database) as runtime:
-        for index in range(walk.n_answers):
-            query = _await_query(runtime, walk.session_id)
-            choice = person.choose(query)
-            services.answer(runtime, walk.session_id, index, choice, _RESPONSE_TIME_MS)
-        _await_query(runtime, walk.session_id)
-
-
-def _join_everyone(database: str, study_name: str, answers: list[int]) -> list[Walk]:
-    """Creates the sessions one after the other, so that their numbers, which seed them, are always the same."""
+def walk_session(database: str, study_name: str, seed: int, number: int, n_answers: int) -> str:
+    """Joins as a simulated person and gives so many answers; returns the session's token."""
     study = find_study(study_name)
-    walks = []
+    person = draw_person(seed, number, study.prior, study.response)
+    rng = stream(seed, "bench-answers", number)
     with wiring.headless(database) as runtime:
-        for number, n_answers in enumerate(answers, start=1):
-            token, record = services.join(runtime, study, is_rehearsed=True)
-            walks.append(Walk(token, record.id, number, n_answers))
-    return walks
-
-
-def _await_query(runtime: Runtime, session_id: str) -> Query:
-    """Returns the query on the stage; the first one is computed in the background."""
-    give_up_at = time.monotonic() + _LONGEST_WAIT_S
-    while time.monotonic() < give_up_at:
-        found = services.current_query(runtime, session_id)
-        if found is not None:
-            return found[2]
-        services.screen(runtime, session_id)
-        time.sleep(0.005)
-    raise BenchError(f"Expected a query within {_LONGEST_WAIT_S:.0f} s, got none. See the messages above.")
+        token, record = services.join(runtime, study, rehearsal=f"bench-{seed}-{number}")
+        for _ in range(n_answers):
+            prepared = runtime.live(record.id).state.prepared[-1]
+            choice = person.choose(rng, prepared.proposed.query)
+            services.answer(runtime, record.id, prepared.query_index, choice.value, _RESPONSE_TIME_MS)
+    return token

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -24,6 +24,7 @@ class RankedPairs:
     scores: Float[np.ndarray, " n_pairs"]
 
 
+@runtime_checkable
 class Acquisition(Protocol):
     """Ranks pairs of posterior samples by how much asking about them would teach."""
 

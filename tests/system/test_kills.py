@@ -1,0 +1,142 @@
+"""Kill -9 of the server, of a worker, of the scheduler, at random moments of a session: nothing is lost or doubled."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+
+from app.settings import find_study
+from app.store import open_store
+from tests.support.server import ServerProcess, kill_process, running_server
+
+pytestmark = pytest.mark.slow
+
+N_KILLS = 20
+
+
+@pytest.fixture
+def study_file(tmp_path: Path) -> str:
+    """A study long enough to be killed twenty times."""
+    text = find_study("quickstart").text
+    text = text.replace("active_queries = 8 ", "active_queries = 90 ").replace("test_queries = 4 ", "test_queries = 10 ")
+    assert "= 90 " in text and "= 10 " in text
+    path = tmp_path / "long.toml"
+    path.write_text(text.replace('name = "quickstart"', 'name = "long"'))
+    return str(path)
+
+
+class Person(threading.Thread):
+    """Answers like a browser: posts until the answer is acknowledged, however long the server is away."""
+
+    def __init__(self, url: str, seed: int) -> None:
+        super().__init__(daemon=True)
+        self._client = httpx.Client(base_url=url, timeout=5.0)
+        self._random = random.Random(seed)
+        self.acknowledged: dict[int, str] = {}
+        self.finished = threading.Event()
+        self.failure: Exception | None = None
+        joined = self._client.post("/join/long", content=b"")
+        self._home = joined.headers["location"]
+
+    def run(self) -> None:
+        try:
+            screen = self._insist("GET", "screen?after=-1", None)
+            while screen["kind"] != "finished":
+                screen = self._step(screen)
+            self.finished.set()
+        except Exception as error:  # noqa: BLE001 - shown by the test
+            self.failure = error
+
+    def _step(self, screen: dict[str, object]) -> dict[str, object]:
+        if screen["kind"] == "preparing":
+            return self._insist("GET", f"screen?after={screen['position']}", None)
+        index, choice = screen["query_index"], self._random.choice("ab")
+        time.sleep(self._random.uniform(0.05, 0.6))
+        body = {"query_index": index, "choice": choice, "response_time_ms": 700}
+        receipt = self._insist("POST", "answer", body)
+        assert receipt["outcome"] in ("taken", "already-taken")
+        assert isinstance(index, int)
+        self.acknowledged[index] = choice
+        return dict(receipt["screen"])  # type: ignore[call-overload]
+
+    def _insist(self, method: str, path: str, body: dict[str, object] | None) -> dict[str, object]:
+        """Repeats a request until it is answered; the same answer may so be posted twice."""
+        for _ in range(400):
+            try:
+                response = self._client.request(method, self._home + path, json=body, timeout=25.0)
+                if response.status_code == 200:
+                    return dict(response.json())
+                assert response.status_code >= 500, response.text
+            except httpx.TransportError:
+                pass
+            time.sleep(0.1)
+        raise AssertionError("the server did not come back")
+
+
+def walk_while_killing(server: ServerProcess, seed: int, kill: object) -> Person:
+    person = Person(server.url, seed)
+    person.start()
+    moments = random.Random(seed + 1)
+    for _ in range(N_KILLS):
+        time.sleep(moments.uniform(0.3, 2.0))
+        if person.finished.is_set():
+            break
+        kill()  # type: ignore[operator]
+    person.finished.wait(300)
+    assert person.failure is None, person.failure
+    assert person.finished.is_set()
+    return person
+
+
+def assert_nothing_lost_or_doubled(server: ServerProcess, person: Person) -> None:
+    with open_store(server.database) as store:
+        (record,) = store.sessions()
+        answers = [e.payload for e in store.events(record.id) if e.kind == "answer_given"]
+        queries = [e.payload["query_index"] for e in store.events(record.id) if e.kind == "query_prepared"]
+    assert [answer["query_index"] for answer in answers] == list(range(100))
+    assert queries == list(range(100))
+    assert {answer["query_index"]: answer["choice"] for answer in answers} == person.acknowledged
+
+
+def test_killing_the_server_loses_and_doubles_nothing(tmp_path: Path, study_file: str) -> None:
+    with running_server(tmp_path, study_file) as server:
+
+        def kill() -> None:
+            server.kill()
+            server.restart()
+
+        person = walk_while_killing(server, 11, kill)
+        assert_nothing_lost_or_doubled(server, person)
+
+
+@pytest.mark.parametrize("program", ["dask_worker", "dask_scheduler"])
+def test_killing_a_process_of_the_engine_loses_and_doubles_nothing(
+    tmp_path: Path, study_file: str, program: str
+) -> None:
+    with running_server(tmp_path, study_file) as server:
+        killed: set[int] = set()
+
+        def kill() -> None:
+            for process_id in server.children(program)[:1]:
+                killed.add(process_id)
+                kill_process(process_id)
+
+        person = walk_while_killing(server, 12, kill)
+        assert len(killed) >= 10
+        assert_nothing_lost_or_doubled(server, person)
+
+
+def test_the_engine_does_not_outlive_a_killed_server(tmp_path: Path) -> None:
+    with running_server(tmp_path) as server:
+        engine = [*server.children("dask_scheduler"), *server.children("dask_worker")]
+        assert len(engine) == 3
+        server.kill()
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline and any(Path(f"/proc/{pid}").exists() for pid in engine):
+            time.sleep(0.1)
+        assert not [pid for pid in engine if Path(f"/proc/{pid}").exists()]
