@@ -243,3 +243,7 @@ def main() -> None:
     except (AppError, StudyCoreError) as error:
         console.print(f"[red]Error:[/] {error}", highlight=False, soft_wrap=True)
         sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

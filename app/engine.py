@@ -29,9 +29,12 @@ from app.errors import AppError
 
 log = logging.getLogger(__name__)
 
-_START_TIMEOUT_S = 90.0
+_START_TIMEOUT_S = 120.0
+_REACH_TIMEOUT_S = 10.0
 _WATCH_INTERVAL_S = 0.2
 _QUERY_RESOURCE = {"query": 1}
+# Without a dashboard Dask still opens an HTTP port for its own health pages.
+_NO_FIXED_PORT = ("--dashboard-address", "127.0.0.1:0")
 _DASK_SETTINGS = {
     "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "error",
     # Workers may be killed at any time; that is no sign of a bad task.
@@ -112,6 +115,7 @@ class DaskEngine:
         self._address = scheduler_address
         self._closing = threading.Event()
         self._client = self._connect()
+        self._wait_until_warm()
         self._watcher = threading.Thread(target=self._watch, name="engine-watch", daemon=True)
         if self._cluster is not None:
             self._watcher.start()
@@ -149,20 +153,33 @@ class DaskEngine:
         return {} if self._cluster is None else self._cluster.process_ids
 
     def _connect(self) -> Client:
+        """Returns a client of the cluster, which is started first if it is ours."""
+        if self._cluster is None:
+            return self._reach(self._address, None, _REACH_TIMEOUT_S)
+        self._cluster.start()
+        deadline = time.monotonic() + _START_TIMEOUT_S
+        while True:
+            try:
+                return self._reach(self._cluster.address, self._cluster.security, 3.0)
+            except EngineError:
+                # A new scheduler may have been killed as well; then there is no use in waiting for it.
+                if not self._cluster.has_scheduler() or time.monotonic() > deadline:
+                    raise
+
+    def _reach(self, address: str | None, security: Security | None, timeout_s: float) -> Client:
         try:
-            if self._cluster is None:
-                return Client(self._address, timeout=10, set_as_default=False)
-            self._cluster.start()
-            client = Client(
-                self._cluster.address, security=self._cluster.security, timeout=30, set_as_default=False
-            )
-            client.wait_for_workers(1, timeout=_START_TIMEOUT_S)
-            return client
+            return Client(address, security=security, timeout=timeout_s, set_as_default=False)
         except (OSError, TimeoutError) as error:
-            where = self._address or "on this machine"
             raise EngineError(
-                f"The Dask scheduler {where} can't be reached: {error}. Is it running?"
+                f"The Dask scheduler at {address} can't be reached: {error}. Is it running?"
             ) from error
+
+    def _wait_until_warm(self) -> None:
+        """Waits for the first worker, which has compiled every kernel by then."""
+        try:
+            self._client.wait_for_workers(1, timeout=_START_TIMEOUT_S)
+        except TimeoutError as error:
+            raise EngineError("No worker joined the Dask scheduler. Start one, or mend what its log says.") from error
 
     def _send(self, key: str, pending: _Pending) -> None:
         resources = _QUERY_RESOURCE if self._cluster is not None else None
@@ -279,7 +296,7 @@ class LocalProcesses:
         return self._spawn("dask_worker", options)
 
     def _spawn(self, program: str, options: list[str]) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", f"distributed.cli.{program}", *options, "--no-dashboard"]
+        command = [sys.executable, "-m", f"distributed.cli.{program}", *options, "--no-dashboard", *_NO_FIXED_PORT]
         command += ["--preload", "app.engine_child", *self._tls_options]
         environment = os.environ | _DASK_SETTINGS
         return subprocess.Popen(

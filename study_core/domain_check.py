@@ -75,10 +75,7 @@ def check_domain(domain: object, rng: np.random.Generator) -> None:
 
 def _check_attributes(domain: object) -> Domain:
     if not isinstance(domain, Domain):
-        members = (
-            Domain.__protocol_attrs__ if hasattr(Domain, "__protocol_attrs__") else Domain.__annotations__
-        )
-        missing = sorted(name for name in members if not hasattr(domain, name))
+        missing = [name for name in _MEMBERS if not hasattr(domain, name)]
         raise DomainError(f"Expected a domain; {domain!r} lacks: {', '.join(missing)}. Add what is missing.")
     if not isinstance(domain.id, str) or not _VERSIONED.fullmatch(domain.id):
         raise DomainError(
@@ -152,16 +149,19 @@ def _check_batched(
     result = _called(what, method, *inputs)
     _check_array(f"the result of `{what}`", result, (n, *shape))
     kept = result.copy()
-    one_by_one = [_called(what, method, *(values[i : i + 1] for values in inputs)) for i in range(n)]
-    for single in one_by_one:
+    one_by_one = []
+    for i in range(n):
+        single = _called(what, method, *(values[i : i + 1] for values in inputs))
         _check_array(f"the result of `{what}` for one trajectory", single, (1, *kept.shape[1:]))
-    if not np.array_equal(_called(what, method, *inputs), kept):
-        raise DomainError(
-            f"Expected `{what}` to be deterministic; the same inputs gave another result. Remove chance and state."
-        )
+        one_by_one.append(single.copy())
+    _called(what, method, *(values[::-1] for values in inputs))
     if not np.array_equal(result, kept):
         raise DomainError(
             f"Expected `{what}` to return a new array, but a later call changed it. Return a copy."
+        )
+    if not np.array_equal(_called(what, method, *inputs), kept):
+        raise DomainError(
+            f"Expected `{what}` to be deterministic; the same inputs gave another result. Remove chance and state."
         )
     worst = float(np.abs(np.concatenate(one_by_one) - kept).max(initial=0.0))
     if worst > _SAME * max(1.0, float(np.abs(kept).max())):

@@ -21,7 +21,7 @@ from study_core.posterior.run import SamplerSettings
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class TextSection(_Section):
@@ -203,7 +203,8 @@ def read_study(path: Path) -> Study:
 
 def _explain(error: ValidationError) -> str:
     """Returns one line about the first thing that is wrong, and how many more there are."""
-    problems = error.errors(include_url=False)
+    # A misspelt key is also a missing one; its own spelling says more.
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     line = _explain_one(problems[0])
     return line if len(problems) == 1 else f"{line} ({len(problems) - 1} more after this one)"
 

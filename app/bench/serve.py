@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import httpx
 import numpy as np
 from rich.progress import Progress
+from websockets.exceptions import WebSocketException
 
 from app.bench.browser import Browser, Diary, join, open_page
 from app.bench.ledger import audit
@@ -69,6 +70,7 @@ def run(seed: int, people: int, answers: int, progress: Progress) -> dict[str, A
         "reply_p50_ms": percentile(replies_ms, 50),
         "reply_p99_ms": percentile(replies_ms, 99),
         "not_ready": sum(each.next_screen == "preparing" for each in given) / len(given),
+        "resent": crowd.diary.n_resent,
         "clips_missing": found.n_clips_missing,
         "lost": found.n_lost,
         "doubled": found.n_doubled,
@@ -159,6 +161,6 @@ def _first(failures: ExceptionGroup[Exception]) -> Exception:
     first = failures.exceptions[0]
     if isinstance(first, ExceptionGroup):
         return _first(first)
-    if isinstance(first, httpx.HTTPError):
+    if isinstance(first, httpx.HTTPError | WebSocketException | OSError):
         return BenchError(f"Expected the server to answer, got {type(first).__name__}: {first}.")
     return first

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
 
 from fastapi import APIRouter, Depends, HTTPException, Request, WebSocket
 from fastapi.responses import JSONResponse, Response
@@ -45,11 +44,9 @@ def stage_routes(
             raise HTTPException(404)
         return session_id
 
-    session = Annotated[str, Depends(known)]
-
     @router.post("/s/{token}/stage", status_code=204)
-    def act(session_id: session, body: StageRequest) -> Response:
-        if keeper.perform(session_id, body.action):
+    def act(token: str, body: StageRequest) -> Response:
+        if keeper.perform(known(token), body.action):
             return Response(status_code=204)
         message = "There is no stage to do this on; load it again."
         return JSONResponse({"error": {"code": "no-stage", "message": message}}, status_code=409)
@@ -59,6 +56,8 @@ def stage_routes(
         if proxy.has_forbidden_query(request.url.query):
             raise HTTPException(400)
         page, headers = proxy.client_page()
+        if headers["ETag"] in request.headers.get("if-none-match", ""):
+            return Response(status_code=304, headers=dict(headers))
         return Response(page, headers=dict(headers))
 
     @router.websocket("/s/{token}/stage")

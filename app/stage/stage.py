@@ -208,12 +208,14 @@ class Stage:
                 self._leaving = None
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        """A browser has (re)connected: its clip starts anew, and its camera can't be moved."""
+        """A browser has (re)connected: its clip starts anew and plays, and its camera can't be moved."""
         distance = CAMERA.position[2]
         client.camera.min_orbit_distance = distance
         client.camera.max_orbit_distance = distance
         with self._lock:
             self._play.since = self._clock()
+            if self._play.is_frozen and not self._is_closed:
+                self._change(0.0, False)
 
 
 def _remove(handle: viser.GlbHandle | None) -> None:

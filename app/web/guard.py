@@ -7,9 +7,10 @@ from collections import OrderedDict, deque
 from collections.abc import Awaitable, Callable
 
 from fastapi import Request
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import Response
 
 from app.origin import is_same_origin
+from app.web.pages import error_response
 
 _LARGEST_BODY = 64 * 1024
 _JOINS_PER_MINUTE = 120
@@ -26,9 +27,13 @@ _HEADERS = {
 }
 
 
-def error_response(status: int, code: str, message: str) -> JSONResponse:
-    """Returns the one JSON shape of every error."""
-    return JSONResponse({"error": {"code": code, "message": message}}, status_code=status)
+def protect(request: Request, response: Response) -> Response:
+    """Adds the headers that keep our pages safe, where the response has none of its own."""
+    for name, value in _HEADERS.items():
+        response.headers.setdefault(name, value)
+    if not request.url.path.startswith("/static/"):
+        response.headers.setdefault("Cache-Control", "no-store")
+    return response
 
 
 class Guard:
@@ -42,24 +47,22 @@ class Guard:
     ) -> Response:
         """Refuses what can't come from our own pages, else adds the headers that keep them safe."""
         refusal = self._refusal(request)
-        response = refusal or await call_next(request)
-        for name, value in _HEADERS.items():
-            response.headers.setdefault(name, value)
-        if not request.url.path.startswith("/static/"):
-            response.headers.setdefault("Cache-Control", "no-store")
-        return response
+        return protect(request, refusal or await call_next(request))
 
     def _refusal(self, request: Request) -> Response | None:
         if request.method in ("GET", "HEAD", "OPTIONS"):
             return None
         origin = request.headers.get("origin")
         if origin is not None and not is_same_origin(origin, request.headers.get("host"), self._public_url):
-            return error_response(403, "foreign-origin", "This request must come from the study's own page.")
+            title, text = "This came from another page", "Open the study's own link and try again there."
+            return error_response(request, 403, "foreign-origin", title, text)
         length = request.headers.get("content-length", "")
         if not length.isdigit():
-            return error_response(411, "length-required", "This request must say how long it is.")
+            title, text = "This request has no length", "Say how long it is."
+            return error_response(request, 411, "length-required", title, text)
         if int(length) > _LARGEST_BODY:
-            return error_response(413, "too-large", f"At most {_LARGEST_BODY} bytes are taken.")
+            title, text = "This request is too large", f"Send at most {_LARGEST_BODY} bytes."
+            return error_response(request, 413, "too-large", title, text)
         return None
 
 

@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
-from fastapi.templating import Jinja2Templates
 from pydantic import BaseModel, ConfigDict
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException as StarletteHTTPException
@@ -22,19 +21,20 @@ from app.services.runtime import Runtime
 from app.settings import STATIC
 from app.store import SessionRecord
 from app.web.changes import Changes
-from app.web.guard import Guard, JoinLimit, error_response
+from app.web.guard import Guard, JoinLimit, protect
+from app.web.pages import error_json, error_response, templates
 from study_core.study import Study
 
 _LONGEST_POLL_S = 20.0
 _SECONDS_PER_QUERY = 14
+_COOKIE = "prefstudy-session"
+_COOKIE_AGE_S = 30 * 24 * 3600
 _UNKNOWN_LINK = (
     "This link doesn’t open a session here",
     "Check that the whole link was copied, or ask the person who sent it to you for a new one.",
 )
 
 _UNKNOWN_PAGE = ("There is nothing here", "Check that the whole address was copied.")
-
-templates = Jinja2Templates(STATIC / "templates")
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,6 @@ def create_site(parts: SiteParts) -> FastAPI:
     return site
 
 
-def _message(request: Request, title: str, text: str, status: int = 200) -> HTMLResponse:
-    return templates.TemplateResponse(request, "message.html", {"title": title, "text": text}, status)
-
-
 def _add_error_pages(site: FastAPI) -> None:
     """Every error is a page for people and one JSON shape for programs; neither shows an exception's text."""
 
@@ -103,28 +99,24 @@ def _add_error_pages(site: FastAPI) -> None:
     async def http_error(request: Request, error: StarletteHTTPException) -> Response:
         detail: Any = error.detail
         title, text = _UNKNOWN_PAGE if isinstance(detail, str) else detail
-        if "text/html" in request.headers.get("accept", ""):
-            return _message(request, title, text, error.status_code)
-        return error_response(error.status_code, f"http-{error.status_code}", f"{title}. {text}")
+        return error_response(request, error.status_code, f"http-{error.status_code}", title, text)
 
     @site.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> Response:
         problem = error.errors()[0]
         where = ".".join(str(part) for part in problem["loc"] if part != "body")
-        return error_response(422, "invalid-request", f"{where or 'body'}: {problem['msg']}.")
+        return error_json(422, "invalid-request", f"{where or 'body'}: {problem['msg']}.")
 
     @site.exception_handler(services.InvalidAnswerError)
     async def invalid_answer(request: Request, error: services.InvalidAnswerError) -> Response:
-        return error_response(422, "invalid-answer", str(error))
+        return error_json(422, "invalid-answer", str(error))
 
     @site.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:
-        text = (
-            "Something went wrong on our side. Your answers so far are saved; please try again in a moment."
-        )
-        if "text/html" in request.headers.get("accept", ""):
-            return _message(request, "Please try again", text, 500)
-        return error_response(500, "internal", text)
+        text = "Your answers so far are saved. Please try again in a moment."
+        response = error_response(request, 500, "internal", "Something went wrong on our side", text)
+        # This runs outside the guard, and outside everything else.
+        return protect(request, response)
 
 
 def _add_join_pages(site: FastAPI, parts: SiteParts) -> None:
@@ -141,7 +133,11 @@ def _add_join_pages(site: FastAPI, parts: SiteParts) -> None:
 
     @site.get("/join/{name}")
     def welcome(request: Request, name: str) -> Response:
-        return _welcome(request, joinable(name))
+        study = joinable(name)
+        token = request.cookies.get(_COOKIE)
+        if token is not None and _is_unfinished(parts.runtime, token):
+            return RedirectResponse(f"/s/{token}/", status_code=303)
+        return _welcome(request, study)
 
     @site.post("/join/{name}")
     def join(request: Request, name: str) -> Response:
@@ -149,7 +145,24 @@ def _add_join_pages(site: FastAPI, parts: SiteParts) -> None:
         if not limit.allows(request.client.host if request.client else ""):
             raise HTTPException(429, ("Many people are joining just now", "Please try again in a minute."))
         token, _ = services.join(parts.runtime, study)
-        return RedirectResponse(f"/s/{token}/", status_code=303)
+        response = RedirectResponse(f"/s/{token}/", status_code=303)
+        is_secure = (parts.public_url or "").startswith("https://")
+        # Whoever closes the tab and opens the join link again comes back to their own session.
+        response.set_cookie(
+            _COOKIE,
+            token,
+            _COOKIE_AGE_S,
+            path=f"/join/{name}",
+            secure=is_secure,
+            httponly=True,
+            samesite="lax",
+        )
+        return response
+
+
+def _is_unfinished(runtime: Runtime, token: str) -> bool:
+    record = services.find(runtime, token)
+    return record is not None and services.screen(runtime, record.id).kind != "finished"
 
 
 def _welcome(request: Request, study: Study) -> Response:
@@ -160,7 +173,10 @@ def _welcome(request: Request, study: Study) -> Response:
         "n_questions": n_queries,
         "minutes": max(1, round(n_queries * _SECONDS_PER_QUERY / 60)),
     }
-    return templates.TemplateResponse(request, "welcome.html", context)
+    response = templates.TemplateResponse(request, "welcome.html", context)
+    # Under `no-referrer`, browsers send the form with the origin "null", which the guard refuses.
+    response.headers["Referrer-Policy"] = "same-origin"
+    return response
 
 
 def _session_of(request: Request, token: str) -> SessionRecord:

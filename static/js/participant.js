@@ -4,6 +4,8 @@
 
 const REVEAL_MS = 350; // a new picture takes this long to appear; see app/stage/stage.py
 const POLL_TIMEOUT_MS = 30000; // the server holds a poll for up to 20 s
+const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches after so long, is loaded again
+const DRAW_MS = 15000; // a browser in which drawing can't be noticed has surely drawn by then
 const TALL_BELOW = 1.05; // width over height of the window
 
 const byId = (id) => document.getElementById(id);
@@ -11,14 +13,16 @@ const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 const buttons = [byId("answer-a"), byId("answer-b")];
 const stage = byId("stage");
 const notice = byId("notice");
+const sample = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
 
 let screen = { kind: "preparing", position: -1, query_index: null, number: 0, total: 0 };
 let shownAt = 0; // when the current question came on screen, in milliseconds of performance.now()
-let isSending = false;
+let sending = null; // index of the query whose answer is on its way
 let isPaused = false;
 let isOffline = false;
 let layout = null;
-let stageLoadedAt = 0;
+let stageLoadedAt = Infinity; // when the stage's page had come, in milliseconds of performance.now()
+let nViewers = 0; // how many stages the server sees on this session
 let tally = freshTally();
 
 function freshTally() {
@@ -58,7 +62,7 @@ function setOffline(value) {
   if (value === isOffline) return;
   isOffline = value;
   notice.textContent = value
-    ? isSending
+    ? sending !== null
       ? "Connection lost. Your answer will be sent as soon as it is back."
       : "Connection lost. Trying again…"
     : "";
@@ -88,12 +92,13 @@ function apply(next) {
   if (next.position < screen.position) return; // an older answer overtook a newer one
   const isNew = next.query_index !== screen.query_index || next.kind !== screen.kind;
   screen = next;
-  if (next.stage_viewers === 0 && performance.now() - stageLoadedAt > 8000) loadStage();
+  nViewers = next.stage_viewers ?? nViewers;
+  if (nViewers === 0 && performance.now() - stageLoadedAt > CONNECT_MS) loadStage();
   if (isNew) show();
 }
 
 function show() {
-  document.body.classList.toggle("is-preparing", screen.kind === "preparing");
+  document.body.classList.add("is-preparing");
   const { number, total } = screen;
   byId("count").textContent = total > 0 ? `Question ${Math.min(number, total)} of ${total}` : "";
   const bar = byId("bar");
@@ -109,8 +114,12 @@ function show() {
 
 /** Lets the person answer once the new picture is there, so that a double press can't answer it unseen. */
 async function open(queryIndex) {
+  const isCurrent = () => screen.query_index === queryIndex && screen.kind === "question";
+  if (hasDrawn()) document.body.classList.remove("is-preparing");
   await wait(REVEAL_MS);
-  if (screen.query_index !== queryIndex || screen.kind !== "question") return;
+  while (isCurrent() && !hasDrawn()) await wait(100);
+  if (!isCurrent()) return;
+  document.body.classList.remove("is-preparing");
   shownAt = performance.now();
   for (const button of buttons) {
     button.classList.remove("is-chosen");
@@ -127,10 +136,10 @@ function finish() {
 
 async function answer(choice, means) {
   const button = byId(`answer-${choice}`);
-  if (button.disabled || isSending) return;
-  isSending = true;
+  if (button.disabled || sending === screen.query_index) return;
+  sending = screen.query_index;
   const body = {
-    query_index: screen.query_index,
+    query_index: sending,
     choice,
     response_time_ms: Math.round(performance.now() - shownAt),
     client: {
@@ -144,7 +153,7 @@ async function answer(choice, means) {
   for (const each of buttons) each.disabled = true;
   button.classList.add("is-chosen");
   const response = await insist("answer", body);
-  isSending = false;
+  if (sending === body.query_index) sending = null;
   if (!response.ok) return stop(response);
   const { screen: next } = await response.json();
   // Whatever became of it (taken, already taken, not current), the server's screen is what counts.
@@ -156,10 +165,22 @@ async function answer(choice, means) {
 
 /** (Re)loads the scene. A server that has been restarted knows nothing of the layout, so it's told first. */
 async function loadStage() {
-  stageLoadedAt = performance.now();
+  stageLoadedAt = Infinity;
   setPaused(false);
   await request("stage", { action: layout }).catch(() => undefined);
-  stage.src = "stage/";
+  // Replaced, so that the browser's back button doesn't step through stages.
+  stage.contentWindow?.location.replace(new URL("stage/", location.href));
+}
+
+/** Whether the stage shows something: its canvas is transparent until the first picture has been drawn. */
+function hasDrawn() {
+  const canvas = stage.contentDocument?.querySelector("canvas[data-engine]");
+  if (canvas && canvas.width > 0 && canvas.height > 0) {
+    sample.clearRect(0, 0, 1, 1);
+    sample.drawImage(canvas, 0, 0, 1, 1);
+    if (sample.getImageData(0, 0, 1, 1).data[3] === 255) return true;
+  }
+  return nViewers > 0 && performance.now() - stageLoadedAt > DRAW_MS;
 }
 
 /** Asks something of the stage; a stage that can't do it has lost its server and is loaded again. */
@@ -174,7 +195,7 @@ async function command(action) {
 
 function setPaused(value) {
   isPaused = value;
-  byId("pause").setAttribute("aria-pressed", String(value));
+  byId("pause").classList.toggle("is-paused", value);
   byId("pause-label").textContent = value ? "Play" : "Pause";
 }
 
@@ -212,7 +233,8 @@ function canDraw() {
   }
 }
 
-function watchContext() {
+function onStageLoad() {
+  stageLoadedAt = performance.now();
   // The graphics driver may restart; viser doesn't recover from that, a fresh page does.
   let tries = 0;
   const timer = setInterval(() => {
@@ -248,6 +270,8 @@ function onKey(event) {
 }
 
 function start() {
+  const first = JSON.parse(byId("screen").textContent);
+  if (first.kind === "finished") return apply(first);
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) {
     byId("no-webgl").hidden = false;
@@ -267,10 +291,10 @@ function start() {
     if (document.hidden) tally.hidden += 1;
   });
   addEventListener("resize", () => arrange(false));
-  stage.addEventListener("load", watchContext);
+  stage.addEventListener("load", onStageLoad);
   arrange(true);
   loadStage();
-  apply(JSON.parse(byId("screen").textContent));
+  apply(first);
   follow();
 }
 

@@ -35,14 +35,14 @@ class Diagnostics:
     @property
     def has_converged(self) -> bool:
         """Returns whether every weight meets `LARGEST_R_HAT` and `SMALLEST_ESS`."""
-        ess = min(self.ess_bulk.min(), self.ess_tail.min())
+        ess = np.minimum(self.ess_bulk, self.ess_tail).min()
         return bool(self.r_hat.max() <= LARGEST_R_HAT and ess >= SMALLEST_ESS)
 
 
 def diagnose(draws: Float[np.ndarray, "n_chains n_draws n_features"], acceptance: float) -> Diagnostics:
     """Returns the diagnostics of all draws after warm-up.
 
-    A weight that never moves has no ESS: it is reported as 0, with an infinite R-hat.
+    A weight that no chain ever moves has no ESS: it is reported as 0, with an infinite R-hat.
     """
     per_weight = [_diagnose_one(np.ascontiguousarray(draws[:, :, k])) for k in range(draws.shape[2])]
     r_hat, ess_bulk, ess_tail = np.array(per_weight).T
@@ -52,17 +52,19 @@ def diagnose(draws: Float[np.ndarray, "n_chains n_draws n_features"], acceptance
 def _diagnose_one(draws: Float[np.ndarray, "n_chains n_draws"]) -> tuple[float, float, float]:
     """Returns R-hat, bulk ESS and tail ESS of one scalar quantity."""
     halves = _split(draws)
+    if (halves == halves[:, :1]).all():
+        return np.inf, 0.0, 0.0
     flat = halves.ravel()
     order = np.argsort(flat)
-    if flat[order[0]] == flat[order[-1]]:
-        return np.inf, 0.0, 0.0
     scores = _normal_scores(flat.size)
     ascending = flat[order]
     distances, folded_order = kernels.fold(flat, order, _quantile(ascending, 0.5))
     bulk = kernels.rank_normalise(flat, order, scores).reshape(halves.shape)
     folded = kernels.rank_normalise(distances, folded_order, scores).reshape(halves.shape)
     r_hat = max(kernels.r_hat(bulk), kernels.r_hat(folded))
-    edges = (_quantile(ascending, 0.05), _quantile(ascending, 0.95))
+    # The edges of the tails are those of all draws, an odd middle one included.
+    every = ascending if draws.size == flat.size else np.sort(draws, axis=None)
+    edges = (_quantile(every, 0.05), _quantile(every, 0.95))
     tail = min(kernels.effective_sample_size((halves <= edge).astype(np.float64)) for edge in edges)
     return r_hat, kernels.effective_sample_size(bulk), tail
 

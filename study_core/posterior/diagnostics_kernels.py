@@ -47,6 +47,8 @@ def fold(values, order, median):
 def r_hat(chains):
     """Returns the split R-hat of `(n_chains, n_draws)`; the caller has split them."""
     within, between_plus_within = _variances(chains)
+    if within <= 0.0:
+        return np.inf if between_plus_within > 0.0 else 1.0
     return np.sqrt(between_plus_within / within)
 
 
@@ -82,12 +84,13 @@ def effective_sample_size(chains):
     total, smallest_pair = even + odd, even + odd
     last_even = 0.0
     lag = 2
-    while lag + 1 < n_draws - 3:
+    while lag < n_draws - 2:
         even = 1.0 - (within - _autocovariance(centred, lag)) / pooled
         odd = 1.0 - (within - _autocovariance(centred, lag + 1)) / pooled
         pair = even + odd
-        if pair < 0.0:
-            last_even = max(even, 0.0)
+        # The last pair looked at counts by its even lag alone.
+        last_even = max(even, 0.0) if pair < 0.0 else even
+        if pair <= 0.0 or lag + 2 >= n_draws - 2:
             break
         smallest_pair = min(smallest_pair, pair)
         total += smallest_pair

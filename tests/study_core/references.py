@@ -1,4 +1,4 @@
-"""Slow references written from the equations alone, and toy domains with known answers. Nothing here calls the product."""
+"""Slow references from the equations alone, and toy domains with known answers. Nothing here calls the product."""
 
 import math
 

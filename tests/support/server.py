@@ -54,7 +54,7 @@ class ServerProcess:
     def kill(self) -> None:
         """Kills the server as the kernel would: nothing gets to tidy up."""
         self.process.kill()
-        self.process.wait()
+        self._wait_for_end()
 
     def restart(self) -> None:
         """Starts a server again on the same database and port."""
@@ -73,9 +73,14 @@ class ServerProcess:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
             try:
-                self.process.wait(20)
+                self._wait_for_end(20)
             except subprocess.TimeoutExpired:
                 self.kill()
+
+    def _wait_for_end(self, timeout_s: float | None = None) -> None:
+        self.process.wait(timeout_s)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
 
 
 def _is_child(entry: Path, parent: int, program: str) -> bool:

@@ -1,0 +1,24 @@
+import json
+
+import pytest
+from rich.progress import Progress
+
+from app.bench import query
+from app.bench.report import BenchError
+
+
+def test_a_small_run_finds_both_ways_in_agreement_and_the_plain_way_slower():
+    result = query.run(3, Progress(disable=True), n_people=2, n_plain=1, n_answers=10)
+    assert result["ratio_to_plain"] > 1.0
+    assert result["agreement"]["posterior_means_agree"]
+    assert result["agreement"]["best_reward_ours_minus_plain"]["smallest"] > -0.05
+    ours = result["milliseconds"]
+    parts = ("posterior", "pair_and_trajectories", "clips")
+    assert all(0.0 < ours[part]["p10"] <= ours[part]["median"] <= ours[part]["p90"] for part in parts)
+    assert set(ours["plain"]) == {"next_query", *parts}
+    json.dumps(result)
+
+
+def test_more_plain_repetitions_than_people_are_refused():
+    with pytest.raises(BenchError, match=r"Expected 1 to 2 plain repetitions, got 3\."):
+        query.run(3, Progress(disable=True), n_people=2, n_plain=3)

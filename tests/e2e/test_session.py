@@ -1,0 +1,112 @@
+"""Whole sessions, and presses that mustn't count twice."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from playwright.sync_api import Route
+
+from app.store import open_store
+from tests.e2e.conftest import OpenPage
+from tests.e2e.curves import assert_on_stage
+from tests.e2e.person import N_QUERIES, STUDY, Person, at, join
+from tests.support.server import ServerProcess
+
+pytestmark = pytest.mark.browser
+
+CHOICES = "abbaababbbaa"
+KEYS = {"a": ("a", "ArrowLeft"), "b": ("b", "ArrowRight")}
+
+
+def test_a_session_by_mouse_and_keyboard_with_a_reload_is_stored_as_it_was_given(person: Person) -> None:
+    started = time.monotonic()
+    for index, choice in enumerate(CHOICES):
+        person.sees_question(index + 1)
+        if index == 6:
+            person.page.reload()
+            person.sees_question(index + 1)
+            assert len(person.answers()) == index
+        if index % 2 == 0:
+            person.clicks(choice)
+        else:
+            person.presses(KEYS[choice][index % 4 // 2])
+    person.sees_the_end()
+    took_ms = 1000 * (time.monotonic() - started)
+    assert person.page.get_by_text(STUDY.file.text.thanks.strip()).is_visible()
+    assert person.problems == []
+
+    answers = person.answers()
+    assert [(answer["query_index"], answer["choice"]) for answer in answers] == list(enumerate(CHOICES))
+    assert all(0 <= answer["response_time_ms"] < took_ms for answer in answers)
+    assert sum(answer["response_time_ms"] for answer in answers) < took_ms
+    with open_store(person.server.database) as store:
+        record = person.session_in(store)
+        assert [posterior.query_index for posterior in store.posteriors(record.id)] == list(range(9))
+        means = {row.query_index: row.measures["means"] for row in store.measures(record.id)}
+    assert {index: means[index] for index in range(4)} == {
+        0: "mouse",
+        1: "keyboard",
+        2: "mouse",
+        3: "keyboard",
+    }
+
+
+def test_the_link_of_a_finished_session_still_says_thank_you(person: Person) -> None:
+    for number in range(1, N_QUERIES + 1):
+        person.sees_question(number)
+        person.presses("a")
+    person.sees_the_end()
+    person.page.reload()
+    person.sees_the_end()
+    assert person.page.locator("#answer-a").is_hidden()
+
+
+def test_a_double_click_is_one_answer(person: Person) -> None:
+    person.sees_question(1)
+    person.page.locator("#answer-b").dblclick()
+    person.sees_question(2)
+    assert [answer["choice"] for answer in person.answers()] == ["b"]
+
+
+def test_two_tabs_make_one_answer_and_go_on_to_the_same_query(
+    server: ServerProcess, open_page: OpenPage
+) -> None:
+    first = join(open_page(), server)
+    second = at(first.page.context.new_page(), server)
+    # The second tab hears nothing of what the first one does.
+    held: list[Route] = []
+    second.page.route("**/screen?*", held.append)
+    second.page.goto(first.page.url)
+    for tab in (first, second):
+        tab.sees_question(1)
+    first.clicks("a")
+    first.sees_question(2)
+    second.clicks("b")
+    second.sees_question(2)
+    assert [answer["choice"] for answer in first.answers()] == ["a"]
+    for tab in (first, second):
+        tab.watches()
+        assert_on_stage(tab.watches_until(lambda seen: len(seen) > 3), first.query(1))
+    second.page.unroute_all(behavior="ignoreErrors")
+
+
+def test_a_tab_in_the_background_follows_the_other_one(server: ServerProcess, open_page: OpenPage) -> None:
+    first = join(open_page(), server)
+    second = at(first.page.context.new_page(), server)
+    second.page.goto(first.page.url)
+    for tab in (first, second):
+        tab.sees_question(1)
+    first.clicks("a")
+    for tab in (first, second):
+        tab.sees_question(2)
+
+
+def test_the_participant_link_brings_a_returning_person_back_to_their_session(person: Person) -> None:
+    person.sees_question(1)
+    person.presses("b")
+    person.sees_question(2)
+    own_page = person.page.url
+    person.page.goto(f"{person.server.url}/join/{STUDY.name}")
+    person.sees_question(2)
+    assert person.page.url == own_page

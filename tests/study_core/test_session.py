@@ -1,0 +1,224 @@
+"""The session against a model of its own: what is legal, where it leads, and what the posterior gets to see."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study_core.comparison import Choice
+from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.session import (
+    Action,
+    AnswerGiven,
+    Phase,
+    SessionBegun,
+    apply,
+    initial_state,
+    next_action,
+    phase_of,
+    query_of,
+    reduce,
+)
+from study_core.study import parse_study
+from tests.study_core.made_up import prepared
+from tests.study_core.references import study_text
+
+N_ACTIVE, N_TEST = 3, 2
+N = N_ACTIVE + N_TEST
+STUDY = parse_study(study_text(protocol__active_queries=N_ACTIVE, protocol__test_queries=N_TEST))
+
+# Made beforehand: the shape checks of the core draw random numbers, which Hypothesis forbids inside a strategy.
+EVENTS = st.one_of(
+    st.sampled_from([SessionBegun(1), SessionBegun(2)]),
+    st.sampled_from([prepared(index, phase) for index in range(N + 1) for phase in Phase]),
+    st.sampled_from([AnswerGiven(index, choice, 5) for index in range(N + 1) for choice in Choice]),
+)
+CHOICES = st.lists(st.sampled_from(Choice), min_size=N, max_size=N)
+
+
+@dataclass
+class Model:
+    """What should be true of a session, kept as three numbers."""
+
+    has_begun: bool = False
+    n_prepared: int = 0
+    n_answered: int = 0
+
+    def accepts(self, event):
+        if isinstance(event, SessionBegun):
+            return not self.has_begun
+        if isinstance(event, AnswerGiven):
+            return self.n_prepared > self.n_answered == event.query_index
+        is_next = event.query_index == self.n_answered == self.n_prepared < N
+        belongs = (event.phase is Phase.ACTIVE) == (event.query_index < N_ACTIVE)
+        return self.has_begun and is_next and belongs
+
+    def take(self, event):
+        if isinstance(event, SessionBegun):
+            self.has_begun = True
+        elif isinstance(event, AnswerGiven):
+            self.n_answered += 1
+        else:
+            self.n_prepared += 1
+
+    @property
+    def action(self):
+        if not self.has_begun:
+            return Action.WELCOME
+        if self.n_prepared > self.n_answered:
+            return Action.ASK
+        return Action.FINISHED if self.n_answered == N else Action.PREPARE
+
+
+def legal_event(model, choice):
+    if not model.has_begun:
+        return SessionBegun(1)
+    if model.n_prepared > model.n_answered:
+        return AnswerGiven(model.n_answered, choice, 900)
+    index = model.n_answered
+    return prepared(index, Phase.ACTIVE if index < N_ACTIVE else Phase.TEST)
+
+
+def whole_log(choices):
+    log = [SessionBegun(1)]
+    for index, choice in enumerate(choices):
+        phase = Phase.ACTIVE if index < N_ACTIVE else Phase.TEST
+        log += [prepared(index, phase), AnswerGiven(index, choice, 700 + index)]
+    return log
+
+
+def same(first, second):
+    """Equality of states, arrays bit for bit."""
+    return (
+        (first.n_events, first.participant, first.answers)
+        == (second.n_events, second.participant, second.answers)
+        and [event.query_index for event in first.prepared]
+        == [event.query_index for event in second.prepared]
+        and np.array_equal(first.comparisons.feature_diffs, second.comparisons.feature_diffs)
+        and np.array_equal(first.comparisons.signs, second.comparisons.signs)
+    )
+
+
+@given(strays=st.lists(st.lists(EVENTS, max_size=4), min_size=2 * N + 1, max_size=2 * N + 1), choices=CHOICES)
+def test_whatever_else_is_tried_legal_events_lead_to_the_end_and_illegal_ones_raise(strays, choices):
+    model, state = Model(), initial_state(STUDY)
+
+    def offer(event):
+        nonlocal state
+        before = state
+        if model.accepts(event):
+            state = apply(STUDY, state, event)
+            model.take(event)
+            assert state.n_events == before.n_events + 1
+        else:
+            with pytest.raises(SessionError):
+                apply(STUDY, state, event)
+            assert state is before
+
+    for tried in strays:
+        for event in tried:
+            offer(event)
+            assert next_action(STUDY, state) is model.action
+        if model.action is not Action.FINISHED:
+            offer(legal_event(model, choices[model.n_answered]))
+        assert next_action(STUDY, state) is model.action
+        assert state.query_index == model.n_answered
+    while model.action is not Action.FINISHED:
+        offer(legal_event(model, choices[model.n_answered]))
+    assert next_action(STUDY, state) is Action.FINISHED
+    assert len(state.answers) == len(state.prepared) == N
+    assert state.n_events == 2 * N + 1
+    assert len(state.comparisons) == N_ACTIVE
+
+
+@given(choices=CHOICES, cut=st.integers(0, 2 * N))
+def test_reducing_a_prefix_and_applying_the_rest_is_reducing_it_all(choices, cut):
+    log = whole_log(choices)
+    state = reduce(STUDY, log[:cut])
+    state = apply(STUDY, state, log[cut])
+    assert same(state, reduce(STUDY, log[: cut + 1]))
+
+
+@given(choices=CHOICES)
+def test_the_posterior_sees_every_active_answer_and_no_test_answer(choices):
+    state = reduce(STUDY, whole_log(choices))
+    active = [prepared(index).proposed.query for index in range(N_ACTIVE)]
+    np.testing.assert_array_equal(
+        state.comparisons.feature_diffs, [query.features_a - query.features_b for query in active]
+    )
+    expected = [1.0 if choice is Choice.A else -1.0 for choice in choices[:N_ACTIVE]]
+    np.testing.assert_array_equal(state.comparisons.signs, expected)
+    assert [answer.choice for answer in state.answers] == choices
+
+
+@given(choices=CHOICES)
+def test_changing_a_test_answer_changes_nothing_the_posterior_sees(choices):
+    other = [
+        *choices[:N_ACTIVE],
+        *(Choice.A if choice is Choice.B else Choice.B for choice in choices[N_ACTIVE:]),
+    ]
+    first, second = (reduce(STUDY, whole_log(given)).comparisons for given in (choices, other))
+    np.testing.assert_array_equal(first.signs, second.signs)
+    np.testing.assert_array_equal(first.feature_diffs, second.feature_diffs)
+
+
+def test_a_state_is_never_changed_by_what_comes_after_it():
+    log = whole_log([Choice.A] * N)
+    states = [reduce(STUDY, log[:cut]) for cut in range(len(log) + 1)]
+    running = initial_state(STUDY)
+    for event, kept in zip(log, states, strict=False):
+        assert same(running, kept)
+        running = apply(STUDY, running, event)
+    assert same(initial_state(STUDY), states[0])
+
+
+def test_active_queries_come_first():
+    assert [phase_of(STUDY, index) for index in range(N)] == [Phase.ACTIVE] * N_ACTIVE + [Phase.TEST] * N_TEST
+
+
+def test_the_current_query_is_the_one_prepared_and_not_yet_answered():
+    log = whole_log([Choice.B] * N)
+    assert reduce(STUDY, log[:1]).current is None
+    assert reduce(STUDY, log[:2]).current is log[1]
+    assert reduce(STUDY, log[:3]).current is None
+    assert reduce(STUDY, log[:4]).current is log[3]
+    assert query_of(reduce(STUDY, log), 1) is log[3].proposed.query
+
+
+def test_beginning_names_the_participant():
+    assert initial_state(STUDY).participant is None
+    assert reduce(STUDY, [SessionBegun(17)]).participant == 17
+    assert reduce(STUDY, [SessionBegun("rehearsal")]).participant == "rehearsal"
+
+
+BEGUN, FIRST = SessionBegun(1), prepared(0)
+ANSWERED = AnswerGiven(0, Choice.A, 500)
+FINISHED = whole_log([Choice.A] * N)
+
+ILLEGAL = {
+    "beginning twice": ([BEGUN], BEGUN, SessionError),
+    "preparing before the beginning": ([], FIRST, SessionError),
+    "answering before the beginning": ([], ANSWERED, AnswerNotCurrentError),
+    "answering what was not asked": ([BEGUN], ANSWERED, AnswerNotCurrentError),
+    "answering another query": ([BEGUN, FIRST], AnswerGiven(1, Choice.A, 500), AnswerNotCurrentError),
+    "answering twice": ([BEGUN, FIRST, ANSWERED], ANSWERED, AnswerNotCurrentError),
+    "preparing two at once": ([BEGUN, FIRST], prepared(1), SessionError),
+    "preparing one twice": ([BEGUN, FIRST], FIRST, SessionError),
+    "preparing one again": ([BEGUN, FIRST, ANSWERED], FIRST, SessionError),
+    "leaving one out": ([BEGUN, FIRST, ANSWERED], prepared(2), SessionError),
+    "a test query among the active ones": ([BEGUN], prepared(0, Phase.TEST), SessionError),
+    "an active query among the test ones": (FINISHED[: 2 * N_ACTIVE + 1], prepared(N_ACTIVE), SessionError),
+    "one query too many": (FINISHED, prepared(N, Phase.TEST), SessionError),
+    "one answer too many": (FINISHED, AnswerGiven(N, Choice.A, 5), AnswerNotCurrentError),
+}
+
+
+@pytest.mark.parametrize("case", ILLEGAL)
+def test_an_illegal_event_raises_and_says_what_was_expected(case):
+    log, event, error = ILLEGAL[case]
+    with pytest.raises(error, match=r"^Expected "):
+        apply(STUDY, reduce(STUDY, log), event)
+    with pytest.raises(error):
+        reduce(STUDY, [*log, event])

@@ -1,0 +1,130 @@
+"""Events survive JSON to the last bit."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from study_core import session_codec
+from study_core.comparison import Choice, Query
+from study_core.errors import SessionError
+from study_core.session import AnswerGiven, Phase, QueryPrepared, SessionBegun
+from tests.study_core.made_up import prepared, proposed
+
+FLOATS = st.floats(allow_nan=False, allow_infinity=False)
+ROWS = arrays(np.float64, 4, elements=FLOATS)
+
+
+def there_and_back(event):
+    text = json.dumps(session_codec.to_json(event))
+    return session_codec.from_json(session_codec.kind_of(event), json.loads(text))
+
+
+def same(first, second):
+    """Equality of type and value, all the way down; arrays bit for bit, signs of zero included."""
+    if type(first) is not type(second):
+        return False
+    if dataclasses.is_dataclass(first):
+        return all(
+            same(getattr(first, field.name), getattr(second, field.name))
+            for field in dataclasses.fields(first)
+        )
+    if isinstance(first, np.ndarray):
+        return (
+            first.dtype == second.dtype
+            and first.shape == second.shape
+            and first.tobytes() == second.tobytes()
+        )
+    if isinstance(first, tuple):
+        return len(first) == len(second) and all(map(same, first, second))
+    return first == second
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        SessionBegun(12),
+        SessionBegun("rehearsal"),
+        AnswerGiven(7, Choice.A, 0),
+        AnswerGiven(0, Choice.B, 86_400_000),
+        *(prepared(index, phase) for index in range(6) for phase in Phase),
+    ],
+    ids=lambda event: type(event).__name__,
+)
+def test_an_event_comes_back_as_it_was(event):
+    assert same(there_and_back(event), event)
+
+
+@given(controls_a=ROWS, controls_b=ROWS, features_a=ROWS, features_b=ROWS, score=FLOATS, compute_ms=FLOATS)
+def test_every_float_keeps_every_bit(controls_a, controls_b, features_a, features_b, score, compute_ms):
+    given = proposed(1)
+    event = QueryPrepared(
+        1,
+        Phase.ACTIVE,
+        dataclasses.replace(
+            given,
+            query=Query(controls_a, controls_b, features_a, features_b),
+            provenance=dataclasses.replace(given.provenance, score=score, weights_a=features_a),
+        ),
+        {},
+        "0.1.0",
+        compute_ms,
+    )
+    assert same(there_and_back(event), event)
+
+
+@pytest.mark.parametrize("value", [-0.0, 5e-324, math.nextafter(1.0, 2.0), 0.1 + 0.2, 1.7976931348623157e308])
+def test_awkward_floats_keep_every_bit(value):
+    row = np.array([value, -value])
+    query = Query(row, row, row, row)
+    assert same(session_codec.query_from_json(json.loads(json.dumps(session_codec._plain(query)))), query)
+
+
+def test_a_test_set_comes_back_as_it_was():
+    test_set = tuple(proposed(index) for index in range(4))
+    content = session_codec.test_set_to_bytes(test_set)
+    assert same(session_codec.test_set_from_bytes(content), test_set)
+    assert session_codec.test_set_from_bytes(session_codec.test_set_to_bytes(())) == ()
+
+
+def test_every_kind_of_event_has_a_name_of_its_own():
+    kinds = [
+        session_codec.kind_of(event) for event in (SessionBegun(1), prepared(0), AnswerGiven(0, Choice.A, 1))
+    ]
+    assert kinds == ["session_begun", "query_prepared", "answer_given"]
+
+
+GOOD = session_codec.to_json(prepared(0))
+
+UNREADABLE = {
+    "an unknown kind": ("session_ended", {}),
+    "a beginning of nobody": ("session_begun", {}),
+    "an answer without a choice": ("answer_given", {"query_index": 0, "response_time_ms": 5}),
+    "an answer neither a nor b": ("answer_given", {"query_index": 0, "choice": "c", "response_time_ms": 5}),
+    "a query without numbers": ("query_prepared", {**GOOD, "query": {}}),
+    "a query that is a list": ("query_prepared", {**GOOD, "query": [1, 2]}),
+    "a query of texts": ("query_prepared", {**GOOD, "query": {**GOOD["query"], "controls_a": ["x"]}}),
+    "a query with a key too many": (
+        "query_prepared",
+        {**GOOD, "query": {**GOOD["query"], "controls_c": [1.0]}},
+    ),
+    "a query without provenance": ("query_prepared", {key: GOOD[key] for key in GOOD if key != "provenance"}),
+    "provenance with a key too few": (
+        "query_prepared",
+        {**GOOD, "provenance": {key: value for key, value in GOOD["provenance"].items() if key != "score"}},
+    ),
+    "a phase that never was": ("query_prepared", {**GOOD, "phase": "warm-up"}),
+    "no clips": ("query_prepared", {**GOOD, "clips": None}),
+}
+
+
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_what_this_version_never_wrote_is_refused_by_name(case):
+    kind, content = UNREADABLE[case]
+    with pytest.raises(SessionError, match=kind):
+        session_codec.from_json(kind, content)

@@ -1,0 +1,221 @@
+"""Study files: the shipped ones hold the contract's numbers; a malformed one is told its key."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from study_core.choice import ResponseModel
+from study_core.errors import StudyError
+from study_core.posterior.prior import Prior
+from study_core.posterior.run import SamplerSettings
+from study_core.study import parse_study, read_study
+from tests.study_core.references import study_text
+
+STUDIES = Path(__file__).parents[2] / "static" / "studies"
+
+SHIPPED = {
+    "quickstart": (8, 4, ResponseModel("sigmoid", 200.0, 0.1), "sphere"),
+    "katz2021": (100, 75, ResponseModel("sigmoid", 50.0, 0.0), "ball"),
+    "katz2021-code": (100, 75, ResponseModel("clipped-linear", 1.0, 0.0), "ball"),
+}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_study_has_the_numbers_of_the_contract(name):
+    active, test, response, support = SHIPPED[name]
+    study = read_study(STUDIES / f"{name}.toml")
+    assert study.name == name
+    assert (study.protocol.active_queries, study.protocol.test_queries) == (active, test)
+    assert study.protocol.n_queries == active + test
+    assert study.response == response
+    assert study.prior == Prior(support, 4)
+    assert study.domain.id == "driving-v1"
+    assert (study.file.acquisition.method, study.file.acquisition.mu) == ("heuristic", 0.1)
+    assert study.file.trajectory.starts == 10
+    assert study.sampler.n_samples == 100
+    assert study.sampler.n_chains >= 4
+
+
+def test_every_shipped_study_is_tested():
+    assert {path.stem for path in STUDIES.glob("*.toml")} == set(SHIPPED)
+
+
+def test_shipped_studies_have_seeds_and_names_of_their_own():
+    studies = [read_study(path) for path in STUDIES.glob("*.toml")]
+    assert len({study.name for study in studies}) == len(studies)
+    assert len({study.hash for study in studies}) == len(studies)
+
+
+def test_what_the_file_says_reaches_the_science():
+    study = parse_study(study_text(sampler__warmup=150, sampler__draws=500))
+    assert study.response == ResponseModel("sigmoid", 50.0, 0.1)
+    assert study.prior == Prior("sphere", 4)
+    assert study.sampler == SamplerSettings(n_chains=4, n_warmup=150, n_draws=500, n_samples=20)
+    assert (study.seed, study.protocol.n_queries, study.file.trajectory.starts) == (5, 5, 3)
+
+
+def test_the_hash_is_of_every_character_of_the_text():
+    text = study_text()
+    assert parse_study(text).hash == hashlib.sha256(text.encode()).hexdigest()
+    assert parse_study(text).text == text
+    assert parse_study(text + "# a remark\n").hash != parse_study(text).hash
+
+
+def test_a_whole_number_is_good_enough_for_a_real_one():
+    assert parse_study(study_text(response__rationality=200)).response.rationality == 200.0
+
+
+def test_optional_keys_have_their_defaults():
+    text = study_text(response__lapse_rate=None, acquisition__mu=None, sampler__chains=None)
+    study = parse_study(text)
+    assert (study.response.lapse_rate, study.file.acquisition.mu, study.sampler.n_chains) == (0.0, 0.1, 4)
+
+
+MALFORMED = {
+    "an unknown key at the top": ({"tittle": "x"}, r"unknown key 'tittle'; did you mean 'title'\?"),
+    "an unknown key in a section": (
+        {"response__rationalty": 3.0},
+        r"unknown key 'response\.rationalty'; did you mean 'rationality'\?",
+    ),
+    "an unknown key like no other": (
+        {"prior__zzz": 1},
+        r"unknown key 'prior\.zzz'; expected one of: support\.",
+    ),
+    "an unknown section": (
+        {"trajectories__starts": 5},
+        r"unknown key 'trajectories'; did you mean 'trajectory'\?",
+    ),
+    "a key missing at the top": ({"seed": None}, r"key 'seed' is missing"),
+    "a key missing in a section": (
+        {"protocol__test_queries": None},
+        r"key 'protocol\.test_queries' is missing",
+    ),
+    "a text where a number belongs": (
+        {"protocol__active_queries": "ten"},
+        r"key 'protocol\.active_queries': input should be a valid integer, got 'ten'",
+    ),
+    "a number where a text belongs": ({"title": 3}, r"key 'title': input should be a valid string, got 3"),
+    "a truth value where a number belongs": (
+        {"protocol__active_queries": True},
+        r"key 'protocol\.active_queries': input should be a valid integer, got True",
+    ),
+    "a fraction where a whole number belongs": (
+        {"trajectory__starts": 2.5},
+        r"key 'trajectory\.starts': input should be a valid integer.*, got 2\.5",
+    ),
+    "a value where a section belongs": ({"prior": "ball"}, r"TOML|key 'prior'"),
+    "no active queries": (
+        {"protocol__active_queries": 0},
+        r"key 'protocol\.active_queries': input should be greater than or equal to 1, got 0",
+    ),
+    "fewer than no test queries": (
+        {"protocol__test_queries": -1},
+        r"key 'protocol\.test_queries': input should be greater than or equal to 0, got -1",
+    ),
+    "a negative seed": ({"seed": -1}, r"key 'seed': input should be greater than or equal to 0, got -1"),
+    "no rationality": (
+        {"response__rationality": 0.0},
+        r"key 'response\.rationality': input should be greater than 0, got 0\.0",
+    ),
+    "infinite rationality": (
+        {"response__rationality": "inf"},
+        r"key 'response\.rationality': .*finite.*, got inf",
+    ),
+    "rationality that is not a number": (
+        {"response__rationality": "nan"},
+        r"key 'response\.rationality': .*, got nan",
+    ),
+    "infinite mu": ({"acquisition__mu": "inf"}, r"key 'acquisition\.mu': .*finite.*, got inf"),
+    "negative mu": (
+        {"acquisition__mu": -0.1},
+        r"key 'acquisition\.mu': .*greater than or equal to 0, got -0\.1",
+    ),
+    "people who only guess": (
+        {"response__lapse_rate": 1.0},
+        r"key 'response\.lapse_rate': input should be less than 1, got 1\.0",
+    ),
+    "a negative lapse rate": (
+        {"response__lapse_rate": -0.1},
+        r"key 'response\.lapse_rate': input should be greater than or equal to 0, got -0\.1",
+    ),
+    "a lapse rate in the clipped model": (
+        {"response__model": "clipped-linear"},
+        r"key 'response': lapse_rate must be 0 for the clipped-linear model",
+    ),
+    "an unknown response model": (
+        {"response__model": "probit"},
+        r"key 'response\.model': input should be 'sigmoid' or 'clipped-linear', got 'probit'",
+    ),
+    "an unknown support": (
+        {"prior__support": "cube"},
+        r"key 'prior\.support': input should be 'ball' or 'sphere', got 'cube'",
+    ),
+    "one sample": (
+        {"sampler__samples": 1},
+        r"key 'sampler\.samples': input should be greater than or equal to 2, got 1",
+    ),
+    "one chain": ({"sampler__chains": 1}, r"key 'sampler\.chains': .*greater than or equal to 2, got 1"),
+    "more samples than draws": (
+        {"sampler__samples": 1601},
+        r"key 'sampler': samples can't exceed chains x draws",
+    ),
+    "no starts": (
+        {"trajectory__starts": 0},
+        r"key 'trajectory\.starts': .*greater than or equal to 1, got 0",
+    ),
+    "a name with capitals": ({"name": "Katz 2021"}, r"key 'name': .*pattern.*, got 'Katz 2021'"),
+    "an unknown method": (
+        {"acquisition__method": "heuristc"},
+        r"No acquisition method named 'heuristc'\. Did you mean 'heuristic'\?",
+    ),
+    "an unknown domain": (
+        {"domain": "drivng-v1"},
+        r"No domain named 'drivng-v1'\. Did you mean 'driving-v1'\?",
+    ),
+}
+
+
+def malformed_text(changes):
+    text = study_text(**changes)
+    # TOML's own words for what is no finite number.
+    return text.replace('"inf"', "inf").replace('"nan"', "nan")
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_study_is_told_its_key_and_what_was_expected(case):
+    changes, expected = MALFORMED[case]
+    with pytest.raises(StudyError, match=expected) as raised:
+        parse_study(malformed_text(changes), source="mine.toml")
+    assert str(raised.value).startswith("mine.toml: ")
+    assert "\n" not in str(raised.value)
+
+
+def test_the_first_problem_is_told_with_the_number_of_the_others():
+    with pytest.raises(StudyError, match=r"\(2 more after this one\)$"):
+        parse_study(study_text(title=3, seed=-1, trajectory__starts=0))
+
+
+def test_text_that_is_not_toml_is_told_its_line():
+    with pytest.raises(StudyError, match=r"mine\.toml: not valid TOML: .*line 2"):
+        parse_study('name = "a"\nseed = = 3\n', source="mine.toml")
+
+
+def test_an_empty_file_is_told_what_is_missing():
+    with pytest.raises(StudyError, match=r"key 'name' is missing"):
+        parse_study("")
+
+
+def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path):
+    with pytest.raises(StudyError, match=r"nowhere\.toml"):
+        read_study(tmp_path / "nowhere.toml")
+    (tmp_path / "latin.toml").write_bytes('title = "Übung"'.encode("latin-1"))
+    with pytest.raises(StudyError, match=r"latin\.toml"):
+        read_study(tmp_path / "latin.toml")
+
+
+def test_errors_in_a_file_name_its_path(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(study_text(seed=-1))
+    with pytest.raises(StudyError, match=r"mine\.toml: key 'seed'"):
+        read_study(path)

@@ -1,0 +1,151 @@
+"""The commands as a user types them, in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.settings import find_study
+
+SCRIPT = Path(__file__).with_name("quickstart.jsonl")
+
+
+def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Runs the command line to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        cwd=folder,
+    )
+
+
+def assert_one_line_with(done: subprocess.CompletedProcess[str], *said: str) -> None:
+    """A refusal is one line on stderr with the remedy, and no traceback."""
+    lines = [line for line in done.stderr.splitlines() if line.startswith("Error:")]
+    assert done.returncode == 1, done.stderr
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    for text in said:
+        assert text in lines[0]
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> list[str]:
+    """The lines of a good script, to be spoilt."""
+    return SCRIPT.read_text().splitlines()
+
+
+def written(tmp_path: Path, lines: list[str]) -> str:
+    path = tmp_path / "script.jsonl"
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def test_a_scripted_session_gives_the_same_queries_and_posterior_to_the_last_bit() -> None:
+    first, second = run("replay", str(SCRIPT), "--json"), run("replay", str(SCRIPT), "--json")
+    assert first.returncode == 0, first.stderr
+    assert first.stdout == second.stdout
+    summary = json.loads(first.stdout)
+    assert len(summary["queries"]) == 12
+    assert [row["choice"] for row in summary["queries"]] == list("abbabaababba")
+    assert len(summary["posterior"]["mean"]) == 4
+
+
+def test_simulated_people_are_the_same_whatever_the_database_holds(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 's.db'}"
+    options = ("simulate", "--people", "2", "--seed", "9", "--database", database, "--json")
+    first, second = run(*options), run(*options)
+    assert first.returncode == 0, first.stderr
+    assert first.stdout == second.stdout
+    people = [json.loads(line) for line in first.stdout.splitlines()]
+    assert [person["participant"] for person in people] == ["rehearsal-9-1", "rehearsal-9-2"]
+    with sqlite3.connect(tmp_path / "s.db") as rows:
+        assert rows.execute("select count(*), sum(is_rehearsed) from sessions").fetchone() == (4, 4)
+
+
+def test_an_exported_session_replays_from_the_command_line(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 's.db'}"
+    assert run("simulate", "--seed", "4", "--database", database).returncode == 0
+    out = str(tmp_path / "out")
+    options = ("export", out, "--format", "jsonl", "--people", "rehearsed", "--database", database)
+    assert run(*options).returncode == 0
+    done = run("replay", out)
+    assert done.returncode == 0, done.stderr
+    assert "12 stored queries reproduced" in done.stdout
+
+
+def test_a_script_with_too_few_or_too_many_answers_is_refused(tmp_path: Path, script: list[str]) -> None:
+    assert_one_line_with(run("replay", written(tmp_path, script[:-1])), "expected 12 answers", "got 11")
+    assert_one_line_with(run("replay", written(tmp_path, [*script, script[-1]])), "expected 12 answers", "got 13")
+
+
+@pytest.mark.parametrize(
+    ("place", "line", "said"),
+    [
+        (3, '{"query_index": 2, "choice": "left"}', "line 4"),
+        (3, "not json", "line 4"),
+        (3, "[1, 2]", "line 4"),
+        (3, '{"query_index": 7, "choice": "a"}', "in order"),
+        (0, '{"participant": 1}', "first line"),
+        (0, '{"study": "quickstert"}', "quickstert"),
+    ],
+)
+def test_a_bad_line_in_a_script_is_named(
+    tmp_path: Path, script: list[str], place: int, line: str, said: str
+) -> None:
+    script[place] = line
+    assert_one_line_with(run("replay", written(tmp_path, script)), said)
+
+
+def test_a_malformed_study_file_names_the_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(find_study("quickstart").text.replace("active_queries", "aktive_queries"))
+    assert_one_line_with(run("serve", "--study", str(path)), "aktive_queries", "did you mean 'active_queries'")
+
+
+def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as busy:
+        port = str(busy.getsockname()[1])
+        done = run("serve", "--port", port, "--database", f"sqlite:///{tmp_path / 's.db'}")
+    assert_one_line_with(done, port, "Choose another --port")
+
+
+def test_a_database_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.db"
+    with sqlite3.connect(foreign) as rows:
+        rows.execute("create table somebody_elses (id integer)")
+    for database in (f"sqlite:///{tmp_path}", f"sqlite:///{foreign}", "nonsense"):
+        assert_one_line_with(run("simulate", "--database", database))
+
+
+def test_a_database_of_another_schema_version_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 's.db'}"
+    assert run("migrate", "--database", database).returncode == 0
+    with sqlite3.connect(tmp_path / "s.db") as rows:
+        rows.execute("update alembic_version set version_num = '9999'")
+    assert_one_line_with(run("simulate", "--database", database), "9999")
+
+
+def test_serving_the_world_needs_an_address_with_tls() -> None:
+    assert_one_line_with(run("serve", "--host", "0.0.0.0"), "--public-url https://")
+
+
+def test_wrong_usage_ends_with_two(tmp_path: Path) -> None:
+    assert run("serve", "--no-such-option").returncode == 2
+    assert run("simulate", "--people", "0").returncode == 2
+
+
+@pytest.mark.parametrize("command", ["serve", "replay", "simulate", "export", "migrate", "bench"])
+def test_every_command_explains_itself(command: str) -> None:
+    done = run(command, "--help")
+    assert done.returncode == 0
+    assert len(done.stdout) > 200
