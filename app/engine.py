@@ -125,6 +125,7 @@ class DaskEngine:
         with self._lock:
             known = self._pending.get(key)
             if known is not None and not known.future.cancelled():
+                self._hurry(key, known, urgency)
                 return known.future
             pending = self._pending[key] = _Pending(function, argument, urgency, Future())
             pending.future.add_done_callback(lambda _: self._forget(key, pending))
@@ -134,6 +135,15 @@ class DaskEngine:
                 # A dead scheduler is replaced by the watcher, which sends everything pending again.
                 log.exception("a computation could not be sent")
             return pending.future
+
+    def _hurry(self, key: str, pending: _Pending, urgency: float) -> None:
+        """Sends a computation that has become urgent again: Dask can't change the priority of one it has."""
+        if urgency <= pending.urgency or pending.future.done():
+            return
+        earlier, pending.urgency = pending.remote, urgency
+        self._send(f"{key}-urgent", pending)
+        if earlier is not None:
+            earlier.release()
 
     def close(self) -> None:
         """Gives up what is pending and stops the cluster if it is ours."""
@@ -179,7 +189,9 @@ class DaskEngine:
         try:
             self._client.wait_for_workers(1, timeout=_START_TIMEOUT_S)
         except TimeoutError as error:
-            raise EngineError("No worker joined the Dask scheduler. Start one, or mend what its log says.") from error
+            raise EngineError(
+                "No worker joined the Dask scheduler. Start one, or mend what its log says."
+            ) from error
 
     def _send(self, key: str, pending: _Pending) -> None:
         resources = _QUERY_RESOURCE if self._cluster is not None else None
@@ -296,7 +308,14 @@ class LocalProcesses:
         return self._spawn("dask_worker", options)
 
     def _spawn(self, program: str, options: list[str]) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", f"distributed.cli.{program}", *options, "--no-dashboard", *_NO_FIXED_PORT]
+        command = [
+            sys.executable,
+            "-m",
+            f"distributed.cli.{program}",
+            *options,
+            "--no-dashboard",
+            *_NO_FIXED_PORT,
+        ]
         command += ["--preload", "app.engine_child", *self._tls_options]
         environment = os.environ | _DASK_SETTINGS
         return subprocess.Popen(

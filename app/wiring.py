@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -77,8 +79,22 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         parts = _parts(settings, Runtime(store, engine, continue_session, test_set))
         parts.runtime.open_study(settings.study)
         link = _join_link(settings, listener)
+        _favour_latency()
         server = _Server(_uvicorn_config(parts, settings), lambda: announce(link))
         server.run(sockets=[listener])
+
+
+def _favour_latency() -> None:
+    """Keeps the interpreter from holding up one person's request for the sake of throughput.
+
+    A thread that has something to send gets the interpreter within half a millisecond instead of five. What has been
+    loaded so far lives as long as the process: it is left out of garbage collection, whose full rounds, a quarter of
+    a second each, become rare.
+    """
+    sys.setswitchinterval(0.0005)
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
 
 
 @contextmanager
@@ -150,6 +166,8 @@ def _uvicorn_config(parts: SiteParts, settings: ServeSettings) -> uvicorn.Config
         ws="websockets-sansio",
         ws_max_size=64 * 1024,
         ws_per_message_deflate=False,
+        # Longer than anybody watches a pair of drives, so that an answer finds its connection open.
+        timeout_keep_alive=120,
         timeout_graceful_shutdown=3,
         proxy_headers=settings.public_url is not None,
     )

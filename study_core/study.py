@@ -71,8 +71,8 @@ class SamplerSection(_Section):
 
     samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
     chains: int = Field(4, ge=2, le=16)
-    warmup: int = Field(750, ge=100, description="Steps of each chain that only adapt the proposal.")
-    draws: int = Field(3750, ge=100, description="Steps of each chain that are kept.")
+    warmup: int = Field(500, ge=100, description="Steps of each chain that only adapt the proposal.")
+    draws: int = Field(3500, ge=100, description="Steps of each chain that are kept.")
 
     @model_validator(mode="after")
     def _has_enough_draws(self) -> SamplerSection:

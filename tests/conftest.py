@@ -6,8 +6,6 @@ import sys
 
 assert "numpy" not in sys.modules, "numpy must be imported after the thread settings"
 
-import app.process  # noqa: F401  - before numpy: what every process of ours sets
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
+import app.process  # noqa: F401  - before numpy: what every process of ours sets
 from app.store import Store, open_store
 
 

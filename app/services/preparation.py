@@ -52,8 +52,9 @@ def continuation_after(
         if other is not chosen:
             other.cancel()
     live.ahead = {}
-    if chosen is not None:
+    if chosen is not None and chosen.done():
         return chosen
+    # Submitted again, what was begun ahead goes before everything that nobody waits for yet.
     following = live.state.query_index + 1
     is_informed = phase_of(live.study, live.state.query_index) is Phase.ACTIVE
     return _submit(runtime, _request(live, following, comparisons, is_informed), _WAITED_FOR)
@@ -133,10 +134,14 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
 
 
 def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
-    """Shows a query that has just become the current one, then looks ahead from it."""
+    """Shows a query that has just become the current one; looks ahead from it when the person has their reply."""
     runtime.on_change(live.record.id)
+    runtime.background.submit(_look_ahead_from, runtime, live, continuation)
+
+
+def _look_ahead_from(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
     with live.lock:
-        if live.state.current is continuation.prepared:
+        if live.state.current is continuation.prepared and not live.ahead:
             look_ahead(runtime, live, continuation.posterior)
 
 

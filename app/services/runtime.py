@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from app.services.continuation import Computation, ContinueFn, Engine, TestSetFn
-from app.store import NewEvent, PosteriorRecord, SessionRecord, Store
+from app.store import NewEvent, NewReport, PosteriorRecord, SessionRecord, Store
 from study_core import session_codec
 from study_core.comparison import Choice
 from study_core.queries import ProposedQuery
@@ -84,6 +84,7 @@ class Runtime:
         self._test_set_fn = test_set_fn
         self._studies: dict[str, OpenStudy] = {}
         self._live: OrderedDict[str, LiveSession] = OrderedDict()
+        self._by_token: OrderedDict[str, SessionRecord] = OrderedDict()
         self._lock = threading.RLock()
 
     def close(self) -> None:
@@ -110,12 +111,30 @@ class Runtime:
     def live(self, session_id: str) -> LiveSession:
         """Returns a session with its state, read from the store unless it is live already."""
         with self._lock:
-            if session_id not in self._live:
-                self._live[session_id] = self._read(session_id)
-                if len(self._live) > _MOST_LIVE_SESSIONS:
-                    self._live.popitem(last=False)
-            self._live.move_to_end(session_id)
-            return self._live[session_id]
+            known = self._live.get(session_id)
+            if known is not None:
+                self._live.move_to_end(session_id)
+                return known
+        # Reading a long log takes a while, and nobody else has to wait for it; whoever is first keeps theirs.
+        read = self._read(session_id)
+        with self._lock:
+            if len(self._live) >= _MOST_LIVE_SESSIONS:
+                self._live.popitem(last=False)
+            return self._live.setdefault(session_id, read)
+
+    def session_of_token(self, token_hash: str) -> SessionRecord | None:
+        """Returns the session that a token opens, read from the store once: every request asks."""
+        with self._lock:
+            known = self._by_token.get(token_hash)
+        if known is not None:
+            return known
+        found = self.store.session_by_token(token_hash)
+        if found is not None:
+            with self._lock:
+                if len(self._by_token) >= _MOST_LIVE_SESSIONS:
+                    self._by_token.popitem(last=False)
+                self._by_token[token_hash] = found
+        return found
 
     def _read(self, session_id: str) -> LiveSession:
         record = self.store.session(session_id)
@@ -127,7 +146,11 @@ class Runtime:
         return reduce(study, events)
 
     def append(
-        self, live: LiveSession, events: list[Event], posterior: PosteriorRecord | None = None
+        self,
+        live: LiveSession,
+        events: list[Event],
+        posterior: PosteriorRecord | None = None,
+        report: NewReport | None = None,
     ) -> None:
         """Appends events durably and moves the live state on; the caller holds the session's lock.
 
@@ -139,7 +162,7 @@ class Runtime:
             state = apply(live.study, state, event)
         new = [NewEvent(session_codec.kind_of(event), session_codec.to_json(event)) for event in events]
         try:
-            self.store.append(live.record.id, live.state.n_events, new, posterior)
+            self.store.append(live.record.id, live.state.n_events, new, posterior, report)
         except Exception:
             live.state = self._stored_state(live.study, live.record.id)
             raise

@@ -11,7 +11,7 @@ from app.services import preparation
 from app.services.continuation import Computation, Continuation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
-from app.store import PositionTakenError, SessionRecord
+from app.store import NewReport, PositionTakenError, SessionRecord
 from study_core.comparison import Choice, Query
 from study_core.queries import Participant
 from study_core.session import Action, AnswerGiven, SessionBegun, apply, next_action
@@ -88,7 +88,7 @@ def join(runtime: Runtime, study: Study, rehearsal: Participant | None = None) -
 
 def find(runtime: Runtime, token: str) -> SessionRecord | None:
     """Returns the session that a secret link opens, or None."""
-    return runtime.store.session_by_token(hash_token(token))
+    return runtime.session_of_token(hash_token(token))
 
 
 def begin(runtime: Runtime, session_id: str, participant: Participant | None = None) -> Screen:
@@ -139,7 +139,7 @@ def answer(
         if refused is not None:
             return AnswerReceipt(refused, _screen(live))
         try:
-            continuation, pending = _take(runtime, live, given)
+            continuation, pending = _take(runtime, live, given, measures)
         except PositionTakenError:
             return AnswerReceipt(_refusal(live, query_index) or Outcome.NOT_CURRENT, _screen(live))
         if pending is not None:
@@ -149,8 +149,6 @@ def answer(
         preparation.announce(runtime, live, continuation)
     else:
         runtime.on_change(session_id)
-    if measures:
-        runtime.background.submit(runtime.store.record_measures, session_id, query_index, measures)
     return receipt
 
 
@@ -183,20 +181,21 @@ def _refusal(live: LiveSession, query_index: int) -> Outcome | None:
 
 
 def _take(
-    runtime: Runtime, live: LiveSession, given: AnswerGiven
+    runtime: Runtime, live: LiveSession, given: AnswerGiven, measures: dict[str, Any] | None
 ) -> tuple[Continuation | None, Computation | None]:
     """Appends the answer, together with the next query if it is there; returns it, or what it is waiting for."""
+    report = NewReport(given.query_index, measures) if measures else None
     after = apply(live.study, live.state, given)
     if next_action(live.study, after) is not Action.PREPARE:
-        runtime.append(live, [given])
+        runtime.append(live, [given], report=report)
         return None, None
     computation = preparation.continuation_after(runtime, live, given.choice, after.comparisons)
     if not preparation.has_succeeded(computation):
-        runtime.append(live, [given])
+        runtime.append(live, [given], report=report)
         return None, computation
     continuation: Continuation = computation.result()
     events, posterior = preparation.entry(continuation)
-    runtime.append(live, [given, *events], posterior)
+    runtime.append(live, [given, *events], posterior, report)
     return continuation, None
 
 

@@ -131,9 +131,9 @@ class StageKeeper:
 
     def n_viewers(self, session_id: str) -> int:
         """How many browser pages are watching this session's stage."""
-        with self._lock:
-            seat = self._seats.get(session_id)
-            return seat.n_viewers if seat is not None else 0
+        # Without the lock, which is held while a stage is built: the web's event loop asks this.
+        seat = self._seats.get(session_id)
+        return seat.n_viewers if seat is not None else 0
 
     def close(self) -> None:
         """Closes every stage."""

@@ -175,10 +175,13 @@ class Stage:
             self._coming = self._server.scene.add_glb(
                 self._free_name(), clip, visible=False, cast_shadow=False, receive_shadow=False
             )
-            if at_once or self._shown is None:
+            is_immediate = at_once or self._shown is None
+            if is_immediate:
                 self._reveal(self._turn)
-                return
-        self._later(self._reveal)
+        # viser gathers messages for up to a sixtieth of a second; a person should not wait for that.
+        self._server.flush()
+        if not is_immediate:
+            self._later(self._reveal)
 
     def _later(self, step: Callable[[int], None]) -> None:
         """Runs a step in a while, in the viser server's own thread."""

@@ -5,13 +5,14 @@ The only package that imports SQLAlchemy. Its rows stay inside; records go in an
 
 from app.store.errors import PositionTakenError, StoreError
 from app.store.locking import serve_lock
-from app.store.records import EventRecord, MeasureRecord, NewEvent, PosteriorRecord, SessionRecord
+from app.store.records import EventRecord, MeasureRecord, NewEvent, NewReport, PosteriorRecord, SessionRecord
 from app.store.store import Store, open_store
 
 __all__ = [
     "EventRecord",
     "MeasureRecord",
     "NewEvent",
+    "NewReport",
     "PositionTakenError",
     "PosteriorRecord",
     "SessionRecord",

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
 from app.store.codec import decode_json, encode_json
 from app.store.models import BrowserMeasureRow
-from app.store.records import MeasureRecord
+from app.store.records import MeasureRecord, NewReport
 from app.store.utc import now
 
 
-def add(rows: Session, session_id: str, query_index: int, measures: dict[str, Any]) -> None:
+def add(rows: Session, session_id: str, report: NewReport) -> None:
     """Adds one report of a browser; a query may have several."""
-    sessions.by_id(rows, session_id)
     rows.add(
         BrowserMeasureRow(
-            session_id=session_id, query_index=query_index, measures=encode_json(measures), at=now()
+            session_id=session_id,
+            query_index=report.query_index,
+            measures=encode_json(report.measures),
+            at=now(),
         )
     )
 

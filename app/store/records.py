@@ -77,6 +77,19 @@ class PosteriorRecord:
 
 
 @dataclass(frozen=True)
+class NewReport:
+    """What a browser measured while a query was on its screen, to be kept.
+
+    Attributes:
+        query_index: The query that was shown.
+        measures: JSON, as the browser sent it.
+    """
+
+    query_index: int
+    measures: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class MeasureRecord:
     """What a browser measured while a query was on its screen.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from app.store import artifacts, events, measures, posteriors, sessions, studies
 from app.store.engine import Database, parse_url
 from app.store.migrate import ensure_schema, head_version
-from app.store.records import EventRecord, MeasureRecord, NewEvent, PosteriorRecord, SessionRecord
+from app.store.records import EventRecord, MeasureRecord, NewEvent, NewReport, PosteriorRecord, SessionRecord
 
 
 def open_store(url: str) -> Store:
@@ -114,6 +114,7 @@ class Store:
         expected_position: int,
         new_events: Sequence[NewEvent],
         posterior: PosteriorRecord | None = None,
+        report: NewReport | None = None,
     ) -> tuple[EventRecord, ...]:
         """Appends events to a session's log, all or none.
 
@@ -122,6 +123,7 @@ class Store:
             expected_position: How long the log is, as far as the caller knows.
             new_events: What happened, in order.
             posterior: The posterior that a prepared query among the events was chosen from.
+            report: What the browser measured while it showed an answered query.
 
         Returns:
             The events as the log now holds them.
@@ -131,7 +133,10 @@ class Store:
                 already prepared or answered. Nothing was written.
         """
         with self._database.writing() as rows:
-            return events.append(rows, session_id, expected_position, new_events, posterior)
+            added = events.append(rows, session_id, expected_position, new_events, posterior)
+            if report is not None:
+                measures.add(rows, session_id, report)
+            return added
 
     def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
         """A session's posteriors, ordered by query index."""
@@ -153,11 +158,6 @@ class Store:
         """The result kept under a key, or None."""
         with self._database.reading() as rows:
             return artifacts.content(rows, key)
-
-    def record_measures(self, session_id: str, query_index: int, report: dict[str, Any]) -> None:
-        """Keeps what a browser measured while it showed a query; reports add up, none replaces another."""
-        with self._database.writing() as rows:
-            measures.add(rows, session_id, query_index, report)
 
     def measures(self, session_id: str) -> tuple[MeasureRecord, ...]:
         """What browsers measured in a session, in the order it came."""

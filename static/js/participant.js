@@ -59,15 +59,20 @@ async function insist(address, body, timeoutMs) {
 }
 
 function setOffline(value) {
-  if (value === isOffline) return;
+  const isBack = isOffline && !value;
   isOffline = value;
-  notice.textContent = value
-    ? sending !== null
-      ? "Connection lost. Your answer will be sent as soon as it is back."
-      : "Connection lost. Trying again…"
-    : "";
+  tellConnection();
   // viser's own client reconnects only while its document has focus, which the stage never has.
-  if (!value) loadStage();
+  if (isBack) loadStage();
+}
+
+function tellConnection() {
+  const text = !isOffline
+    ? ""
+    : sending === null
+      ? "Connection lost. Trying again…"
+      : "Connection lost. Your answer will be sent as soon as it is back.";
+  if (notice.textContent !== text) notice.textContent = text;
 }
 
 /** Follows the session for ever: each poll returns when something has changed, or after a while. */
@@ -152,6 +157,7 @@ async function answer(choice, means) {
   };
   for (const each of buttons) each.disabled = true;
   button.classList.add("is-chosen");
+  tellConnection();
   const response = await insist("answer", body);
   if (sending === body.query_index) sending = null;
   if (!response.ok) return stop(response);

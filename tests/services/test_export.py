@@ -64,13 +64,24 @@ def test_queries_hold_controls_features_and_provenance(exported: Path) -> None:
     query = rows(exported / "queries.jsonl")[0]
     assert len(query["controls_a"]) == 10  # type: ignore[arg-type]
     assert set(query["features_a"]) == {"lane", "speed", "heading", "collision"}  # type: ignore[call-overload]
-    for key in ("seed", "weights_a", "weights_b", "score", "study_hash", "code_version", "compute_ms", "method"):
+    for key in (
+        "seed",
+        "weights_a",
+        "weights_b",
+        "score",
+        "study_hash",
+        "code_version",
+        "compute_ms",
+        "method",
+    ):
         assert key in query
     study_file = exported / "studies" / f"{query['study_hash']}.toml"
     assert study_file.read_text() == QUICKSTART.text
 
 
-def test_csv_holds_the_same_rows_with_a_column_a_number(database: str, exported: Path, tmp_path: Path) -> None:
+def test_csv_holds_the_same_rows_with_a_column_a_number(
+    database: str, exported: Path, tmp_path: Path
+) -> None:
     with open_store(database) as store:
         export(store, tmp_path / "csv", "csv", "all", lambda: None)
     for table in ("people", "queries", "answers", "posteriors", "events"):
@@ -110,13 +121,14 @@ def test_an_export_replays_to_the_same_queries(exported: Path) -> None:
 
 def test_a_number_changed_in_an_export_is_named(exported: Path) -> None:
     log = rows(exported / "events.jsonl")
-    victim = next(row for row in log if row["kind"] == "query_prepared" and row["payload"]["query_index"] == 3)  # type: ignore[index]
+    victim = next(
+        row for row in log if row["kind"] == "query_prepared" and row["payload"]["query_index"] == 3
+    )  # type: ignore[index]
     controls = victim["payload"]["query"]["controls_b"]  # type: ignore[index]
     controls[4] += 1e-12
     (exported / "events.jsonl").write_text("\n".join(json.dumps(row) for row in log))
     with wiring.headless() as runtime, pytest.raises(ReplayDifferenceError) as caught:
-        for script in read_scripts(exported):
-            replay(runtime, script)
+        _ = [replay(runtime, script) for script in read_scripts(exported)]
     assert str(victim["person_id"]) in str(caught.value)
     assert "query 3" in str(caught.value)
     assert "controls_b[4]" in str(caught.value)

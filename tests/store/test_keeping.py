@@ -5,7 +5,7 @@ from datetime import timedelta
 
 import pytest
 
-from app.store import StoreError
+from app.store import NewEvent, NewReport, PositionTakenError, StoreError
 
 
 @pytest.fixture
@@ -94,8 +94,9 @@ def test_artifacts_put_at_once_under_one_key_end_as_one(store):
 
 def test_browser_measures_add_up_in_order_and_stay_out_of_the_log(store, study):
     session_id = store.create_session(study, "token", is_rehearsed=False).id
-    store.record_measures(session_id, 4, {"frames_per_second": 59.94, "n_replays": 2})
-    store.record_measures(session_id, 4, {"has_focus": False})
+    begun = [NewEvent("session_begun")]
+    store.append(session_id, 0, begun, report=NewReport(4, {"frames_per_second": 59.94, "n_replays": 2}))
+    store.append(session_id, 1, begun, report=NewReport(4, {"has_focus": False}))
 
     kept = store.measures(session_id)
     assert [(report.query_index, report.measures) for report in kept] == [
@@ -103,9 +104,11 @@ def test_browser_measures_add_up_in_order_and_stay_out_of_the_log(store, study):
         (4, {"has_focus": False}),
     ]
     assert kept[0].at.utcoffset() == timedelta(0)
-    assert store.events(session_id) == ()
+    assert [event.payload for event in store.events(session_id)] == [{}, {}]
 
 
-def test_measures_of_an_unknown_session_are_refused(store):
-    with pytest.raises(StoreError, match="got 'nobody'"):
-        store.record_measures("nobody", 0, {})
+def test_measures_are_not_kept_where_the_answer_was_not_taken(store, study):
+    session_id = store.create_session(study, "token", is_rehearsed=False).id
+    with pytest.raises(PositionTakenError):
+        store.append(session_id, 7, [NewEvent("session_begun")], report=NewReport(0, {"n_replays": 1}))
+    assert store.measures(session_id) == ()

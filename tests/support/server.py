@@ -92,7 +92,9 @@ def _is_child(entry: Path, parent: int, program: str) -> bool:
 
 
 @contextmanager
-def running_server(folder: Path, study: str = "quickstart", port: int | None = None) -> Iterator[ServerProcess]:
+def running_server(
+    folder: Path, study: str = "quickstart", port: int | None = None
+) -> Iterator[ServerProcess]:
     """Gives a server that is stopped at the end."""
     server = ServerProcess(folder, study, port or free_port())
     try:

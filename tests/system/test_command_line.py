@@ -85,7 +85,9 @@ def test_an_exported_session_replays_from_the_command_line(tmp_path: Path) -> No
 
 def test_a_script_with_too_few_or_too_many_answers_is_refused(tmp_path: Path, script: list[str]) -> None:
     assert_one_line_with(run("replay", written(tmp_path, script[:-1])), "expected 12 answers", "got 11")
-    assert_one_line_with(run("replay", written(tmp_path, [*script, script[-1]])), "expected 12 answers", "got 13")
+    assert_one_line_with(
+        run("replay", written(tmp_path, [*script, script[-1]])), "expected 12 answers", "got 13"
+    )
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,9 @@ def test_a_bad_line_in_a_script_is_named(
 def test_a_malformed_study_file_names_the_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(find_study("quickstart").text.replace("active_queries", "aktive_queries"))
-    assert_one_line_with(run("serve", "--study", str(path)), "aktive_queries", "did you mean 'active_queries'")
+    assert_one_line_with(
+        run("serve", "--study", str(path)), "aktive_queries", "did you mean 'active_queries'"
+    )
 
 
 def test_a_busy_port_is_one_line(tmp_path: Path) -> None:

@@ -23,8 +23,11 @@ N_KILLS = 20
 def study_file(tmp_path: Path) -> str:
     """A study long enough to be killed twenty times."""
     text = find_study("quickstart").text
-    text = text.replace("active_queries = 8 ", "active_queries = 90 ").replace("test_queries = 4 ", "test_queries = 10 ")
-    assert "= 90 " in text and "= 10 " in text
+    text = text.replace("active_queries = 8 ", "active_queries = 90 ").replace(
+        "test_queries = 4 ", "test_queries = 10 "
+    )
+    assert "= 90 " in text
+    assert "= 10 " in text
     path = tmp_path / "long.toml"
     path.write_text(text.replace('name = "quickstart"', 'name = "long"'))
     return str(path)

@@ -104,3 +104,16 @@ def test_the_compiled_density_is_the_densitys_own(support):
 def test_outside_the_support_the_density_is_zero(support, point):
     prior = Prior(support, 4)
     assert kernels.prior_log_density(prior.kernel_support, np.array(point), np.empty(4)) == -math.inf
+
+
+@pytest.mark.parametrize("length", [1.0 - 1e-12, 1.0 + 1e-12])
+def test_the_ball_ends_exactly_at_length_one(length):
+    point = length * np.array([0.1, 0.5, 0.5, 0.7])
+    density = kernels.prior_log_density(kernels.BALL, point, np.empty(4))
+    assert density == (0.0 if length < 1.0 else -math.inf)
+
+
+@pytest.mark.parametrize("rest", [1e-12, -1e-12])
+def test_the_simplex_ends_exactly_where_its_last_weight_is_zero(rest):
+    point = np.array([0.2, 0.3, 0.5 - rest])
+    assert np.isfinite(kernels.prior_log_density(kernels.SPHERE, point, np.empty(4))) == (rest > 0)

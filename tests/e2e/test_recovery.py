@@ -1,0 +1,78 @@
+"""A server that is killed under an open page: nothing is lost, nothing counts twice, nobody has to reload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import OpenPage
+from tests.e2e.curves import assert_on_stage
+from tests.e2e.person import N_QUERIES, WAIT_MS, Person, join
+from tests.support.server import ServerProcess, running_server
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """A server to be killed."""
+    with running_server(tmp_path_factory.mktemp("mortal")) as started:
+        yield started
+
+
+def sees_connection_lost(person: Person) -> None:
+    expect(person.page.locator("#notice")).to_contain_text("Connection lost", timeout=WAIT_MS)
+
+
+def sees_connection_found(person: Person) -> None:
+    expect(person.page.locator("#notice")).to_be_empty(timeout=WAIT_MS)
+
+
+def sees_the_stored_query(person: Person, index: int) -> None:
+    """Waits for a stage that the new server has filled, and checks what it shows."""
+
+    def is_filled() -> bool:
+        shown: bool = person.stage.evaluate("() => Boolean(window.__viserMutable?.nodeRefFromName?.['/odd'])")
+        return shown and person.page.evaluate("() => !document.body.matches('.is-preparing')")
+
+    for _ in range(WAIT_MS // 200):
+        if is_filled():
+            break
+        person.page.wait_for_timeout(200)
+    person.watches()
+    assert_on_stage(person.watches_until(lambda seen: len(seen) > 3), person.query(index))
+
+
+def test_an_open_page_outlives_the_server_and_the_session_is_finished(
+    mortal: ServerProcess, open_page: OpenPage
+) -> None:
+    person = join(open_page(), mortal)
+    person.sees_question(1)
+    person.presses("a")
+    person.sees_question(2)
+    shown = person.query(1)
+
+    mortal.kill()
+    sees_connection_lost(person)
+    mortal.restart()
+    sees_connection_found(person)
+    person.sees_question(2)
+    assert person.query(1).controls_a.tolist() == shown.controls_a.tolist()
+    sees_the_stored_query(person, 1)
+
+    mortal.kill()
+    person.clicks("b")
+    expect(person.page.locator("#notice")).to_contain_text("Your answer will be sent", timeout=WAIT_MS)
+    person.presses("a")
+    mortal.restart()
+    person.sees_question(3)
+    assert [answer["choice"] for answer in person.answers()] == ["a", "b"]
+    sees_the_stored_query(person, 2)
+
+    for number in range(3, N_QUERIES + 1):
+        person.sees_question(number)
+        person.presses("b")
+    person.sees_the_end()
+    assert [answer["query_index"] for answer in person.answers()] == list(range(N_QUERIES))

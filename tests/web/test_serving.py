@@ -1,0 +1,60 @@
+"""`prefstudy serve` as a process: what it refuses to start with, and how it ends."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+
+from tests.support.server import ServerProcess, free_port, running_server
+from tests.web.conftest import join
+
+
+def refused(database: str, port: int) -> str:
+    """Starts a server that must not start; returns what it says besides its first line."""
+    command = [sys.executable, "-m", "app.cli", "serve", "--database", database, "--port", str(port)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert ended.returncode == 1
+    assert ended.stdout == ""
+    started, *said = ended.stderr.strip().splitlines()
+    assert started.startswith("Starting quickstart")
+    (line,) = said
+    return line
+
+
+def test_a_second_server_on_the_same_database_is_refused_in_one_line(server: ServerProcess) -> None:
+    line = refused(server.database, free_port())
+    assert line.startswith("Error: ")
+    assert "already served by process" in line
+
+
+def test_a_busy_port_is_refused_in_one_line(server: ServerProcess, tmp_path: Path) -> None:
+    line = refused(f"sqlite:///{tmp_path / 'other.db'}", server.port)
+    assert line.startswith("Error: ")
+    assert f"Can't listen on 127.0.0.1:{server.port}" in line
+    assert "--port" in line
+
+
+def test_sigterm_ends_the_server_and_its_engine_cleanly_while_somebody_waits(tmp_path: Path) -> None:
+    with running_server(tmp_path) as server:
+        engine = [*server.children("dask_scheduler"), *server.children("dask_worker")]
+        assert len(engine) == 3
+        token = join(server)
+        with httpx.Client(base_url=server.url, timeout=60.0) as client:
+            position = client.get(f"/s/{token}/screen").json()["position"]
+            # A long poll is open when the signal comes.
+            request = client.build_request("GET", f"/s/{token}/screen?after={position + 1}")
+            waiting = subprocess.Popen(
+                [sys.executable, "-c", f"import httpx; httpx.get({str(request.url)!r}, timeout=60)"],
+                stderr=subprocess.DEVNULL,
+            )
+            time.sleep(1.0)
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(60) == 0
+        waiting.wait(60)
+        assert not [process_id for process_id in engine if Path(f"/proc/{process_id}").exists()]
+        assert "Traceback" not in (server.folder / "serve.log").read_text()
