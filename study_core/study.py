@@ -204,7 +204,9 @@ def read_study(path: Path) -> Study:
 def _explain(error: ValidationError) -> str:
     """Returns one line about the first thing that is wrong, and how many more there are."""
     # A misspelt key is also a missing one; its own spelling says more.
-    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    problems = sorted(
+        error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden"
+    )
     line = _explain_one(problems[0])
     return line if len(problems) == 1 else f"{line} ({len(problems) - 1} more after this one)"
 
