@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
@@ -81,7 +82,7 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         parts.runtime.open_study(settings.study)
         link = _join_link(settings, listener)
         _favour_latency()
-        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link))
+        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.wake_all)
         server.run(sockets=[listener])
 
 
@@ -145,11 +146,13 @@ def _picture(runtime: Runtime, session_id: str) -> Picture | None:
 
 
 class _Server(uvicorn.Server):
-    """Announces itself when it accepts connections."""
+    """Announces itself when it accepts connections, and lets go of those that wait when it ends."""
 
-    def __init__(self, config: uvicorn.Config, on_started: Callable[[], None]) -> None:
+    def __init__(
+        self, config: uvicorn.Config, on_started: Callable[[], None], on_ending: Callable[[], None]
+    ) -> None:
         super().__init__(config)
-        self._on_started = on_started
+        self._on_started, self._on_ending = on_started, on_ending
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Ends the server; unlike uvicorn, doesn't raise the signal again before the engine and store are closed."""
@@ -160,6 +163,10 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         if self.started:
             self._on_started()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._on_ending()
+        await super().shutdown(sockets)
 
 
 def _uvicorn_config(parts: SiteParts, settings: ServeSettings) -> uvicorn.Config:

@@ -84,7 +84,7 @@ def advance(
                 status[r] = CONVERGED
                 continue
             _aim(point[r], gradient[r], lower, upper, steps[r], changes[r], n_pairs[r], direction[r])
-            step[r] = 1.0 if n_pairs[r] > 0 else 1.0 / max(1.0, _norm(direction[r]))
+            step[r] = 1.0 if n_pairs[r] > 0 else _first_step(direction[r], lower, upper)
         else:
             step[r] *= 0.5 if values[i] < math.inf else 0.1
             if step[r] < _SMALLEST_STEP:
@@ -197,6 +197,15 @@ def _dot(a, b, free):
     for k in range(a.shape[0]):
         total += a[k] * b[k] * free[k]
     return total
+
+
+@njit(cache=True)
+def _first_step(direction, lower, upper):
+    """Returns the step that goes half a diagonal of the bounds, before any curvature is known.
+
+    The objective has many local optima; a long first step, shortened if it doesn't pay, leaves the nearest poor one.
+    """
+    return 0.5 * _norm(upper - lower) / _norm(direction)
 
 
 @njit(cache=True)

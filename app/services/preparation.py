@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 
 import numpy as np
 
@@ -78,7 +79,13 @@ def prepare(runtime: Runtime, live: LiveSession) -> None:
 def deliver_when_done(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
     """Appends a continuation to the log as soon as it is computed, and shows it."""
     live.ahead = {None: computation}
-    computation.add_done_callback(lambda done: runtime.background.submit(_deliver, runtime, live, done))
+
+    def hand_over(_: Computation) -> None:
+        # Refused when the process is ending; the next one starts the computation again.
+        with suppress(RuntimeError):
+            runtime.background.submit(_deliver, runtime, live, computation)
+
+    computation.add_done_callback(hand_over)
 
 
 def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
@@ -91,6 +98,9 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
             live.ahead = {}
         return
     with live.lock:
+        # What is delivered now must not be taken for what follows it by an answer that comes at once.
+        if live.ahead.get(None) is computation:
+            live.ahead = {}
         if next_action(live.study, live.state) is not Action.PREPARE:
             return
         if continuation.prepared.query_index != live.state.query_index:

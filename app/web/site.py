@@ -78,7 +78,6 @@ def create_site(parts: SiteParts) -> FastAPI:
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         parts.changes.start()
         yield
-        parts.changes.wake_all()
         await run_in_threadpool(parts.on_shutdown)
 
     site = FastAPI(title="prefstudy", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

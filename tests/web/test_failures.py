@@ -81,8 +81,9 @@ def test_a_traceback_never_reaches_a_page(url: str, monkeypatch: pytest.MonkeyPa
         home = client.post("/join/quickstart", content=b"").headers["location"]
         monkeypatch.setattr(services, "screen", fail)
         address = path.format(token=home.strip("/").removeprefix("s/"))
-        as_person = client.get(address, headers=BROWSER)
-        as_program = client.get(address)
+        # A failure ends its connection.
+        as_person = client.get(address, headers={**BROWSER, "Connection": "close"})
+        as_program = client.get(address, headers={"Connection": "close"})
     assert as_person.status_code == as_program.status_code == 500
     for response in (as_person, as_program):
         assert "secret" not in response.text

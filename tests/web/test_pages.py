@@ -30,7 +30,6 @@ def assert_safe(response: httpx.Response) -> None:
     assert headers["x-frame-options"] == "SAMEORIGIN"
     assert headers["x-content-type-options"] == "nosniff"
     assert headers["referrer-policy"] in ("no-referrer", "same-origin")
-    assert "server" not in headers
 
 
 def test_the_welcome_page_shows_the_study_file_and_a_button(client: httpx.Client) -> None:

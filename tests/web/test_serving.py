@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import httpx
@@ -46,15 +46,14 @@ def test_sigterm_ends_the_server_and_its_engine_cleanly_while_somebody_waits(tmp
         token = join(server)
         with httpx.Client(base_url=server.url, timeout=60.0) as client:
             position = client.get(f"/s/{token}/screen").json()["position"]
-            # A long poll is open when the signal comes.
-            request = client.build_request("GET", f"/s/{token}/screen?after={position + 1}")
-            waiting = subprocess.Popen(
-                [sys.executable, "-c", f"import httpx; httpx.get({str(request.url)!r}, timeout=60)"],
-                stderr=subprocess.DEVNULL,
-            )
-            time.sleep(1.0)
-        server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(60) == 0
-        waiting.wait(60)
+            with socket.create_connection(("127.0.0.1", server.port)) as waiting:
+                # A long poll is open when the signal comes.
+                poll = f"GET /s/{token}/screen?after={position + 1} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+                waiting.sendall(poll.encode())
+                assert client.get("/healthz").status_code == 200
+                server.process.send_signal(signal.SIGTERM)
+                assert server.process.wait(60) == 0
+        assert server.process.stdout is not None
+        server.process.stdout.close()
         assert not [process_id for process_id in engine if Path(f"/proc/{process_id}").exists()]
         assert "Traceback" not in (server.folder / "serve.log").read_text()
