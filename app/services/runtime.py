@@ -122,10 +122,13 @@ class Runtime:
                 self._live.popitem(last=False)
             return self._live.setdefault(session_id, read)
 
+    def known_session(self, token_hash: str) -> SessionRecord | None:
+        """Returns the session that a token opens if it has been asked for before; never waits."""
+        return self._by_token.get(token_hash)
+
     def session_of_token(self, token_hash: str) -> SessionRecord | None:
         """Returns the session that a token opens, read from the store once: every request asks."""
-        with self._lock:
-            known = self._by_token.get(token_hash)
+        known = self.known_session(token_hash)
         if known is not None:
             return known
         found = self.store.session_by_token(token_hash)

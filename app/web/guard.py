@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict, deque
-from collections.abc import Awaitable, Callable
 
 from fastapi import Request
 from fastapi.responses import Response
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.origin import is_same_origin
 from app.web.pages import error_response
@@ -27,27 +28,34 @@ _HEADERS = {
 }
 
 
-def protect(request: Request, response: Response) -> Response:
-    """Adds the headers that keep our pages safe, where the response has none of its own."""
+def protect(path: str, headers: MutableHeaders) -> None:
+    """Adds the headers that keep our pages safe, where a response to that path has none of its own."""
     for name, value in _HEADERS.items():
-        response.headers.setdefault(name, value)
-    if not request.url.path.startswith("/static/"):
-        response.headers.setdefault("Cache-Control", "no-store")
-    return response
+        headers.setdefault(name, value)
+    if not path.startswith("/static/"):
+        headers.setdefault("Cache-Control", "no-store")
 
 
 class Guard:
-    """Middleware of the whole site."""
+    """Middleware of the whole site: refuses what can't come from our own pages, and protects every response."""
 
-    def __init__(self, public_url: str | None) -> None:
+    def __init__(self, app: ASGIApp, public_url: str | None) -> None:
+        self._app = app
         self._public_url = public_url
 
-    async def __call__(
-        self, request: Request, call_next: Callable[[Request], Awaitable[Response]]
-    ) -> Response:
-        """Refuses what can't come from our own pages, else adds the headers that keep them safe."""
-        refusal = self._refusal(request)
-        return protect(request, refusal or await call_next(request))
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one connection; a websocket is checked where it is accepted."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_protected(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                protect(scope["path"], MutableHeaders(scope=message))
+            await send(message)
+
+        answer = self._refusal(Request(scope)) or self._app
+        await answer(scope, receive, send_protected)
 
     def _refusal(self, request: Request) -> Response | None:
         if request.method in ("GET", "HEAD", "OPTIONS"):

@@ -82,7 +82,7 @@ def create_site(parts: SiteParts) -> FastAPI:
 
     site = FastAPI(title="prefstudy", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     site.state.parts = parts
-    site.middleware("http")(Guard(parts.public_url))
+    site.add_middleware(Guard, public_url=parts.public_url)
     site.mount("/static", StaticFiles(directory=STATIC), name="static")
     _add_error_pages(site)
     _add_join_pages(site, parts)
@@ -115,7 +115,8 @@ def _add_error_pages(site: FastAPI) -> None:
         text = "Your answers so far are saved. Please try again in a moment."
         response = error_response(request, 500, "internal", "Something went wrong on our side", text)
         # This runs outside the guard, and outside everything else.
-        return protect(request, response)
+        protect(request.url.path, response.headers)
+        return response
 
 
 def _add_join_pages(site: FastAPI, parts: SiteParts) -> None:
@@ -178,9 +179,10 @@ def _welcome(request: Request, study: Study) -> Response:
     return response
 
 
-def _session_of(request: Request, token: str) -> SessionRecord:
-    parts: SiteParts = request.app.state.parts
-    found = services.find(parts.runtime, token)
+async def _session_of(request: Request, token: str) -> SessionRecord:
+    runtime: Runtime = request.app.state.parts.runtime
+    # Almost every request is of a session that is known; only the first has to ask the store, in a thread.
+    found = services.find_known(runtime, token) or await run_in_threadpool(services.find, runtime, token)
     if found is None:
         raise HTTPException(404, _UNKNOWN_LINK)
     return found
