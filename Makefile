@@ -23,7 +23,8 @@ check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but 
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow and not browser"
+	$(BIN)/pytest -m "browser and not slow" # one at a time: a browser that draws in software needs a core of its own
 
 check-slow: .venv/dev.stamp chromium ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
