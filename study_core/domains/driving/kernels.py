@@ -1,8 +1,7 @@
 """Reward of a drive and its gradient, compiled: the optimiser's inner loop.
 
 The forward pass is `dynamics.simulate` and `features.features`; the backward pass is their adjoint. Both
-are one compiled sweep over the steps, because a cumulative sum and its adjoint, fused, need no temporaries:
-about ten times faster here than the same sums as numpy calls on 20 x 50 arrays.
+are one compiled sweep over the steps, because a cumulative sum and its adjoint, fused, need no temporaries.
 """
 
 import math
