@@ -115,6 +115,13 @@ def test_distinct_rows_are_those_further_apart_than_the_bound_from_all_before_th
     assert distinct_rows(paths, 1.0 * per_unit).tolist() == [0]
 
 
+def test_drives_that_differ_in_any_of_their_bodies_are_distinct():
+    aside = ([[0.1 * BOX_LENGTH, 0.0, 0.0]] * 2, [0.0, 0.0])
+    drives = [[STANDING, STANDING], [STANDING, aside], [STANDING, STANDING], [aside, STANDING]]
+    paths = visible_paths(PosedDomain(drives), np.column_stack([np.arange(4.0), np.zeros(4)]))
+    assert distinct_rows(paths, 0.05).tolist() == [0, 1, 3]
+
+
 def test_scenes_of_several_lengths_are_refused_with_the_remedy():
     short = ([[0.0, 0.0, 0.0]], [0.0])
     with pytest.raises(DomainError, match=r"'hills-v1' to have as many tracks and frames.*: draw the same"):
