@@ -10,7 +10,7 @@ import numpy as np
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord
-from study_core.comparison import Choice, ComparisonSet
+from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.posterior.run import Posterior
 from study_core.session import Action, Event, Phase, next_action, phase_of
 
@@ -18,6 +18,9 @@ log = logging.getLogger(__name__)
 
 # A person who waits comes before anything that is computed ahead; ahead, the likelier answer comes first.
 _WAITED_FOR = 10.0
+
+# The model has no probability of an answer that says nothing; few are.
+_UNINFORMATIVE = 0.05
 
 
 def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None) -> None:
@@ -32,13 +35,22 @@ def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None)
         request = _request(live, following, live.state.comparisons, needs_posterior=False)
         live.ahead[None] = _submit(runtime, request, urgency=0.5)
         return
-    likely_a = 0.5
-    if posterior is not None:
-        likely_a = live.study.response.predicted_probability_of_a(posterior.samples, query.feature_diff)
-    for choice, urgency in ((Choice.A, likely_a), (Choice.B, 1.0 - likely_a)):
-        comparisons = live.state.comparisons.append(query, choice)
-        request = _request(live, following, comparisons, needs_posterior=True)
-        live.ahead[choice] = _submit(runtime, request, urgency)
+    begun: dict[Choice | None, Computation] = {}
+    for choice in live.study.answers:
+        # All answers that say nothing lead to the same query.
+        said = choice if choice.is_informative else None
+        if said not in begun:
+            comparisons = live.state.comparisons.append(query, choice)
+            request = _request(live, following, comparisons, needs_posterior=True)
+            begun[said] = _submit(runtime, request, _urgency(choice, query, posterior))
+        live.ahead[choice] = begun[said]
+
+
+def _urgency(choice: Choice, query: Query, posterior: Posterior | None) -> float:
+    """Returns the probability of an answer, as far as it is known."""
+    if not choice.is_informative:
+        return _UNINFORMATIVE
+    return 0.5 if posterior is None else posterior.predicted_probability(choice, query.feature_diff)
 
 
 def continuation_after(
