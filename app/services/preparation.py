@@ -12,15 +12,16 @@ from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord
 from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.run import Posterior
-from study_core.session import Action, Event, Phase, next_action, phase_of
+from study_core.session import Action, Event, Phase, QueryPrepared, next_action, phase_of
 
 log = logging.getLogger(__name__)
 
-# A person who waits comes before anything that is computed ahead; ahead, the likelier answer comes first.
+# A person who waits comes before anything that is computed ahead.
 _WAITED_FOR = 10.0
+_AHEAD = 0.0
 
 
-def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None) -> None:
+def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     """Starts computing what follows the current query, for each answer that makes a difference."""
     current = live.state.current
     live.ahead = {}
@@ -30,15 +31,16 @@ def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None)
     query = current.proposed.query
     if current.phase is Phase.TEST:
         request = _request(live, following, live.state.comparisons, needs_posterior=False)
-        live.ahead[None] = _submit(runtime, request, urgency=0.5)
+        live.ahead[None] = _submit(runtime, request, _AHEAD)
         return
-    likely_a = 0.5
-    if posterior is not None:
-        likely_a = live.study.response.predicted_probability_of_a(posterior.samples, query.feature_diff)
-    for choice, urgency in ((Choice.A, likely_a), (Choice.B, 1.0 - likely_a)):
-        comparisons = live.state.comparisons.append(query, choice)
-        request = _request(live, following, comparisons, needs_posterior=True)
-        live.ahead[choice] = _submit(runtime, request, urgency)
+    requests = {
+        choice: _request(live, following, live.state.comparisons.append(query, choice), needs_posterior=True)
+        for choice in Choice
+    }
+    computations = runtime.engine.submit_together(
+        runtime.continue_fn, {request.key: request for request in requests.values()}, _AHEAD
+    )
+    live.ahead = dict(zip(requests, computations, strict=True))
 
 
 def continuation_after(
@@ -146,13 +148,13 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
 def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
     """Shows a query that has just become the current one; looks ahead from it when the person has their reply."""
     runtime.on_change(live.record.id)
-    runtime.background.submit(_look_ahead_from, runtime, live, continuation)
+    runtime.background.submit(_look_ahead_from, runtime, live, continuation.prepared)
 
 
-def _look_ahead_from(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
+def _look_ahead_from(runtime: Runtime, live: LiveSession, prepared: QueryPrepared) -> None:
     with live.lock:
-        if live.state.current is continuation.prepared and not live.ahead:
-            look_ahead(runtime, live, continuation.posterior)
+        if live.state.current is prepared and not live.ahead:
+            look_ahead(runtime, live)
 
 
 def _request(

@@ -112,7 +112,7 @@ def screen(runtime: Runtime, session_id: str) -> Screen:
     with live.lock:
         preparation.prepare(runtime, live)
         if live.state.current is not None and not live.ahead:
-            preparation.look_ahead(runtime, live, posterior=None)
+            preparation.look_ahead(runtime, live)
         return _screen(live)
 
 
