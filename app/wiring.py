@@ -82,7 +82,7 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         parts.runtime.open_study(settings.study)
         link = _join_link(settings, listener)
         _favour_latency()
-        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.wake_all)
+        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.close)
         server.run(sockets=[listener])
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.support.screens import screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import join
 
@@ -115,5 +116,5 @@ def test_our_own_page_can_answer(server: ServerProcess, client: httpx.Client) ->
 def test_a_refused_answer_leaves_the_question_open(client: httpx.Client, token: str) -> None:
     client.post(f"/s/{token}/answer", json={**ANSWER, "choice": "c"})
     client.post(f"/s/{token}/answer", json=ANSWER, headers={"Origin": "https://elsewhere.example"})
-    screen = client.get(f"/s/{token}/screen").json()
+    screen = next(screens(client, f"/s/{token}/"))
     assert (screen["kind"], screen["query_index"]) == ("question", 0)
