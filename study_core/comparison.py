@@ -10,15 +10,27 @@ from jaxtyping import Float
 
 
 class Choice(StrEnum):
-    """Which of a query's two trajectories a person prefers, in the query's own order."""
+    """What a person answers about a query's two trajectories, in the query's own order.
+
+    A and B prefer one; SAME finds them about the same. UNSURE (can't tell) and SKIP are answers too, but say nothing
+    about the person's weights: they never enter a likelihood.
+    """
 
     A = "a"
     B = "b"
+    SAME = "same"
+    UNSURE = "unsure"
+    SKIP = "skip"
+
+    @property
+    def is_informative(self) -> bool:
+        """Returns whether the answer says something about the weights."""
+        return self in (Choice.A, Choice.B, Choice.SAME)
 
     @property
     def sign(self) -> float:
-        """Returns I: +1 for A, -1 for B (Katz et al. 2021, eq. 4)."""
-        return 1.0 if self is Choice.A else -1.0
+        """Returns I: +1 for A, -1 for B (Katz et al. 2021, eq. 4), 0 for the rest, which prefer neither."""
+        return {Choice.A: 1.0, Choice.B: -1.0}.get(self, 0.0)
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,8 @@ class ComparisonSet:
 
     Attributes:
         feature_diffs: psi of each query, shape `(n_answers, n_features)`.
-        signs: I of each answer: +1 where A was preferred, -1 where B was, shape `(n_answers,)`.
+        signs: I of each answer: +1 where A was preferred, -1 where B was, 0 where they are about the same, shape
+            `(n_answers,)`.
     """
 
     feature_diffs: Float[np.ndarray, "n_answers n_features"]
@@ -65,11 +78,13 @@ class ComparisonSet:
 
     @property
     def preferred_diffs(self) -> Float[np.ndarray, "n_answers n_features"]:
-        """Returns I psi: Phi(preferred) - Phi(other)."""
+        """Returns I psi: Phi(preferred) - Phi(other), and 0 where they are about the same."""
         return self.feature_diffs * self.signs[:, None]
 
     def append(self, query: Query, choice: Choice) -> ComparisonSet:
-        """Returns the set with one more answer."""
+        """Returns the set with one more answer, or itself if the answer says nothing."""
+        if not choice.is_informative:
+            return self
         return ComparisonSet(
             np.vstack([self.feature_diffs, query.feature_diff]), np.append(self.signs, choice.sign)
         )

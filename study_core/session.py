@@ -62,7 +62,7 @@ class AnswerGiven:
 
     Attributes:
         query_index: The query that was answered.
-        choice: A or B.
+        choice: One that the study offers.
         response_time_ms: As measured in the browser.
     """
 
@@ -155,7 +155,7 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
         return _begin(state, event)
     if isinstance(event, QueryPrepared):
         return _prepare(study, state, event)
-    return _answer(state, event)
+    return _answer(study, state, event)
 
 
 def _begin(state: SessionState, event: SessionBegun) -> SessionState:
@@ -178,13 +178,16 @@ def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> Session
     return replace(state, prepared=(*state.prepared, event))
 
 
-def _answer(state: SessionState, event: AnswerGiven) -> SessionState:
+def _answer(study: Study, state: SessionState, event: AnswerGiven) -> SessionState:
     current = state.current
     if current is None or current.query_index != event.query_index:
         asked = "none" if current is None else f"query {current.query_index}"
         raise AnswerNotCurrentError(
             f"Expected an answer to the current query ({asked}); got query {event.query_index}."
         )
+    if event.choice not in study.answers:
+        offered = " or ".join(f"'{choice}'" for choice in study.answers)
+        raise SessionError(f"Expected {offered}, which the study offers; got '{event.choice}'.")
     comparisons = state.comparisons
     if current.phase is Phase.ACTIVE:
         comparisons = comparisons.append(current.proposed.query, event.choice)

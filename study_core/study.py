@@ -10,14 +10,17 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from study_core.acquisition import acquisition_named
 from study_core.choice import ResponseModel
+from study_core.comparison import Choice
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
+
+AnswerName = Literal["a", "b", "unsure", "skip"]
 
 
 class _Section(BaseModel):
@@ -52,6 +55,21 @@ class ResponseSection(_Section):
     model: Literal["sigmoid", "clipped-linear"]
     rationality: float = Field(gt=0, description="beta, per unit of reward.")
     lapse_rate: float = Field(0.0, ge=0, lt=1, description="Share of answers given at random.")
+    answers: tuple[AnswerName, ...] = Field(
+        ("a", "b"), description="What may be answered; `unsure` and `skip` say nothing about the person."
+    )
+
+    @field_validator("answers", mode="before")
+    @classmethod
+    def _list_is_tuple(cls, value: object) -> object:
+        return tuple(value) if isinstance(value, list) else value
+
+    @field_validator("answers")
+    @classmethod
+    def _a_and_b_come_first(cls, value: tuple[AnswerName, ...]) -> tuple[AnswerName, ...]:
+        if value[:2] != ("a", "b") or len(set(value)) != len(value):
+            raise ValueError('answers must begin with "a", "b" and name none twice')
+        return value
 
     @model_validator(mode="after")
     def _clipped_linear_has_no_lapse(self) -> ResponseSection:
@@ -147,6 +165,11 @@ class Study:
         """Returns the response model."""
         section = self.file.response
         return ResponseModel(section.model, section.rationality, section.lapse_rate)
+
+    @cached_property
+    def answers(self) -> tuple[Choice, ...]:
+        """Returns what a person may answer, A and B first."""
+        return tuple(Choice(name) for name in self.file.response.answers)
 
     @cached_property
     def prior(self) -> Prior:

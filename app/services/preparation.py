@@ -35,12 +35,14 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
         return
     requests = {
         choice: _request(live, following, live.state.comparisons.append(query, choice), needs_posterior=True)
-        for choice in Choice
+        for choice in live.study.answers
     }
-    computations = runtime.engine.submit_together(
-        runtime.continue_fn, {request.key: request for request in requests.values()}, _AHEAD
+    # Answers that say nothing all lead to the same query, which has one key.
+    by_key = {request.key: request for request in requests.values()}
+    begun = dict(
+        zip(by_key, runtime.engine.submit_together(runtime.continue_fn, by_key, _AHEAD), strict=True)
     )
-    live.ahead = dict(zip(requests, computations, strict=True))
+    live.ahead = {choice: begun[request.key] for choice, request in requests.items()}
 
 
 def continuation_after(

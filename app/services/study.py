@@ -130,15 +130,15 @@ def answer(
         runtime: The services' resources.
         session_id: Whose answer.
         query_index: The query it answers.
-        choice: `a` or `b`.
+        choice: One that the study offers, such as `a` or `b`.
         response_time_ms: As measured in the browser.
         measures: What else the browser measured, kept beside the log.
 
     Raises:
-        InvalidAnswerError: The choice isn't `a` or `b`, or the response time is impossible.
+        InvalidAnswerError: The study doesn't offer the choice, or the response time is impossible.
     """
-    given = _checked(query_index, choice, response_time_ms)
     live = runtime.live(session_id)
+    given = _checked(live.study, query_index, choice, response_time_ms)
     with live.lock:
         refused = _refusal(live, query_index)
         if refused is not None:
@@ -165,9 +165,10 @@ def current_query(runtime: Runtime, session_id: str) -> tuple[Study, int, Query]
         return None if current is None else (live.study, current.query_index, current.proposed.query)
 
 
-def _checked(query_index: int, choice: str, response_time_ms: int) -> AnswerGiven:
-    if choice not in set(Choice):
-        raise InvalidAnswerError(f"Expected the choice 'a' or 'b', got {choice!r}.")
+def _checked(study: Study, query_index: int, choice: str, response_time_ms: int) -> AnswerGiven:
+    if choice not in study.answers:
+        offered = " or ".join(f"'{each}'" for each in study.answers)
+        raise InvalidAnswerError(f"Expected the choice {offered}, got {choice!r}.")
     if not 0 <= response_time_ms <= _LONGEST_RESPONSE_MS:
         raise InvalidAnswerError(
             f"Expected a response time from 0 to {_LONGEST_RESPONSE_MS} ms, got {response_time_ms}."

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from study_core.choice import ResponseModel
-from study_core.comparison import ComparisonSet
+from study_core.choice import ResponseModel, ResponseParameters
+from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.diagnostics import Diagnostics, diagnose
 from study_core.posterior.metropolis import run_chains
 from study_core.posterior.prior import Prior
@@ -37,15 +38,22 @@ class Posterior:
 
     Attributes:
         samples: Evenly thinned draws, shape `(n_samples, n_features)`.
-        log_likelihoods: log p(answers | w) of each sample, shape `(n_samples,)`.
+        parameters: The response model's parameters; row i belongs to `samples[i]`.
+        log_likelihoods: log p(answers | sample) of each, shape `(n_samples,)`.
         mean: Mean of all draws, shape `(n_features,)`.
         diagnostics: Of all draws, not of the thinned ones.
     """
 
     samples: Float[np.ndarray, "n_samples n_features"]
+    parameters: ResponseParameters
     log_likelihoods: Float[np.ndarray, " n_samples"]
     mean: Float[np.ndarray, " n_features"]
     diagnostics: Diagnostics
+
+    def predicted_probability(self, choice: Choice, feature_diff: Float[np.ndarray, " n_features"]) -> float:
+        """Returns the probability of an answer to a query, averaged over the samples."""
+        probabilities = self.parameters.probability_of(choice, self.samples @ feature_diff)
+        return float(math.fsum(probabilities) / len(probabilities))
 
 
 def infer(
@@ -63,6 +71,7 @@ def infer(
     kept = np.linspace(0, len(flat) - 1, settings.n_samples).round().astype(np.int64)
     return Posterior(
         samples=flat[kept],
+        parameters=response.parameters(settings.n_samples),
         log_likelihoods=chains.log_likelihoods.ravel()[kept],
         mean=flat.mean(axis=0),
         diagnostics=diagnose(chains.weights, chains.acceptance),

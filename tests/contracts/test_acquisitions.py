@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from study_core.acquisition import METHODS, acquisition_named
-from study_core.choice import ResponseModel
+from study_core.choice import ResponseModel, ResponseParameters
 from study_core.comparison import ComparisonSet
 from study_core.errors import UnknownNameError
 from study_core.posterior.diagnostics import Diagnostics
@@ -14,9 +14,11 @@ from study_core.posterior.run import Posterior, SamplerSettings, infer
 NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
 
 
-def made_up(log_likelihoods):
-    samples = Prior("sphere", 4).draw(np.random.default_rng(1), len(log_likelihoods))
-    return Posterior(samples, np.array(log_likelihoods), samples.mean(axis=0), NONE)
+def made_up(log_likelihoods, samples=None):
+    if samples is None:
+        samples = Prior("sphere", 4).draw(np.random.default_rng(1), len(log_likelihoods))
+    parameters = ResponseParameters.constant(len(samples), 50.0)
+    return Posterior(samples, parameters, np.array(log_likelihoods), samples.mean(axis=0), NONE)
 
 
 def inferred(n_answers):
@@ -31,7 +33,7 @@ POSTERIORS = {
     "one answer": lambda: inferred(1),
     "a hundred answers": lambda: inferred(100),
     "likelihoods that underflow": lambda: made_up([-1e6, -2e6, -1e9, -5e5, -7e5, -1e6]),
-    "all samples alike": lambda: Posterior(np.full((30, 4), 0.5), np.full(30, -3.0), np.full(4, 0.5), NONE),
+    "all samples alike": lambda: made_up(np.full(30, -3.0), np.full((30, 4), 0.5)),
     "two samples": lambda: made_up([-1.0, -2.0]),
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from app import wiring
@@ -13,7 +14,9 @@ from app.services.runtime import Runtime
 from app.services.study import InvalidAnswerError, Outcome
 from app.services.tokens import hash_token
 from app.settings import find_study
+from study_core.comparison import Choice
 from study_core.session import Phase
+from study_core.study import Study, parse_study
 
 QUICKSTART = find_study("quickstart")
 
@@ -31,6 +34,12 @@ def answered(runtime: Runtime, session_id: str, choices: str) -> services.Screen
         assert screen.query_index is not None
         screen = services.answer(runtime, session_id, screen.query_index, choice, 1000).screen
     return screen
+
+
+def with_skip() -> Study:
+    """The quickstart study, offering two answers more."""
+    text = QUICKSTART.text.replace("[response]", '[response]\nanswers = ["a", "b", "unsure", "skip"]')
+    return parse_study(text)
 
 
 def test_a_session_asks_eight_active_then_four_test_queries_and_ends(runtime: Runtime) -> None:
@@ -102,6 +111,41 @@ def test_an_impossible_answer_is_refused_with_the_reason(
     _, record = services.join(runtime, QUICKSTART)
     with pytest.raises(InvalidAnswerError, match=said):
         services.answer(runtime, record.id, 0, choice, time_ms)
+
+
+def test_an_answer_that_the_study_does_not_offer_is_refused(runtime: Runtime) -> None:
+    _, record = services.join(runtime, QUICKSTART)
+    for choice in ("same", "unsure", "skip"):
+        with pytest.raises(InvalidAnswerError, match=f"Expected the choice 'a' or 'b', got '{choice}'"):
+            services.answer(runtime, record.id, 0, choice, 900)
+    assert runtime.live(record.id).state.answers == ()
+
+
+def test_an_answer_that_says_nothing_counts_as_answered_and_leaves_the_posterior_alone(
+    runtime: Runtime,
+) -> None:
+    study = with_skip()
+    _, record = services.join(runtime, study)
+    for index, choice in enumerate(("unsure", "a", "skip")):
+        receipt = services.answer(runtime, record.id, index, choice, 900)
+        assert (receipt.outcome, receipt.screen.query_index) == (Outcome.TAKEN, index + 1)
+    live = runtime.live(record.id)
+    assert [given.choice for given in live.state.answers] == [Choice.UNSURE, Choice.A, Choice.SKIP]
+    assert live.state.comparisons.signs.tolist() == [1.0]
+    first, second, third, fourth = runtime.store.posteriors(record.id)
+    np.testing.assert_array_equal(first.samples, second.samples)
+    np.testing.assert_array_equal(third.samples, fourth.samples)
+    assert not np.array_equal(second.samples, third.samples)
+
+
+def test_answers_that_say_nothing_share_one_computation_ahead(runtime: Runtime) -> None:
+    study = with_skip()
+    _, record = services.join(runtime, study)
+    services.screen(runtime, record.id)
+    ahead = runtime.live(record.id).ahead
+    assert set(ahead) == set(study.answers)
+    assert ahead[Choice.UNSURE] is ahead[Choice.SKIP]
+    assert len({id(begun) for begun in ahead.values()}) == 3
 
 
 def test_many_presses_at_once_make_one_answer(runtime: Runtime) -> None:

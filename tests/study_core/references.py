@@ -188,4 +188,6 @@ def study_text(**changes):
 def _toml(value):
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(_toml(entry) for entry in value)}]"
     return f'"{value}"' if isinstance(value, str) else str(value)

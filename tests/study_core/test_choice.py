@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.special import log_expit
 
 from study_core import choice_kernels
-from study_core.choice import ResponseModel
+from study_core.choice import ResponseModel, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
 from tests.study_core import references
 
@@ -123,7 +123,7 @@ def test_the_probabilities_of_a_and_of_b_sum_to_one(model, reward_diffs):
 @pytest.mark.parametrize("model", [model for model in MODELS if model.name == "sigmoid"], ids=str)
 @given(reward_diff=st.floats(-2.0, 2.0))
 def test_the_log_likelihood_of_one_answer_is_the_log_of_its_probability(model, reward_diff):
-    for choice in Choice:
+    for choice in (Choice.A, Choice.B):
         comparisons = ComparisonSet(np.array([[reward_diff]]), np.array([choice.sign]))
         probability = model.probability_of_a(np.array(choice.sign * reward_diff))
         logarithm = model.log_likelihood(np.ones((1, 1)), comparisons)[0]
@@ -151,15 +151,6 @@ def test_the_clipped_model_normalised_over_both_answers_is_the_sigmoid(rationali
         for sign in (1.0, -1.0)
     )
     assert model.probability_of_a(np.array(reward_diff)) == pytest.approx(for_a / (for_a + for_b), rel=1e-12)
-
-
-def test_the_predicted_probability_averages_probabilities_and_not_weights():
-    model = ResponseModel("sigmoid", 50.0, 0.1)
-    samples = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, 0.3]])
-    feature_diff = np.array([0.1, -0.02])
-    expected = [0.05 + 0.9 / (1 + math.exp(-50.0 * (row @ feature_diff))) for row in samples]
-    predicted = model.predicted_probability_of_a(samples, feature_diff)
-    assert predicted == pytest.approx(math.fsum(expected) / 3, abs=1e-15)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
@@ -194,3 +185,41 @@ def test_packing_pads_with_zeros_and_loses_nothing(n_answers):
     np.testing.assert_array_equal(rows[:n_answers], diffs)
     assert not rows[n_answers:].any()
     assert len(rows) - n_answers < choice_kernels.BLOCK
+
+
+ROWS = ResponseParameters(
+    np.array([1.0, 20.0, 50.0, 200.0]), np.array([0.0, 0.1, 0.9, 0.1]), np.array([0.0, 0.0, 0.7, 2.5])
+)
+INFORMATIVE = (Choice.A, Choice.B, Choice.SAME)
+
+
+@given(reward_diffs=arrays(np.float64, (4, 3), elements=st.floats(-20.0, 20.0)))
+def test_each_row_of_parameters_has_its_own_probabilities_which_sum_to_one(reward_diffs):
+    together = np.array([ROWS.probability_of(choice, reward_diffs) for choice in INFORMATIVE])
+    np.testing.assert_allclose(together.sum(axis=0), 1.0, rtol=0, atol=1e-14)
+    for row in range(4):
+        alone = ROWS[row : row + 1]
+        for number, choice in enumerate(INFORMATIVE):
+            np.testing.assert_array_equal(
+                together[number, row], alone.probability_of(choice, reward_diffs[row : row + 1])[0]
+            )
+
+
+@given(diff=st.floats(-2.0, 2.0), row=st.integers(0, 3))
+def test_the_probabilities_are_those_of_rao_and_kupper(diff, row):
+    """In the form of their paper: strengths pi, threshold theta, and lapses over two or three answers."""
+    beta, lapse, eta = ROWS.rationality[row], ROWS.lapse_rate[row], ROWS.tie_threshold[row]
+    ratio, theta = math.exp(beta * diff), math.exp(eta)
+    prefers_a, prefers_b = ratio / (ratio + theta), 1 / (1 + theta * ratio)
+    same = (theta**2 - 1) * ratio / ((ratio + theta) * (1 + theta * ratio))
+    share = lapse / (3 if eta > 0 else 2)
+    for choice, chosen in zip(INFORMATIVE, (prefers_a, prefers_b, same), strict=True):
+        expected = (1 - lapse) * chosen + (share if choice is not Choice.SAME or eta > 0 else 0)
+        found = ROWS[row : row + 1].probability_of(choice, np.array([diff]))[0]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
+def test_an_answer_that_says_nothing_has_no_probability():
+    for choice in (Choice.UNSURE, Choice.SKIP):
+        with pytest.raises(ValueError, match=f"got '{choice}'"):
+            ROWS.probability_of(choice, np.zeros(4))

@@ -32,3 +32,16 @@ def test_adding_an_answer_leaves_the_earlier_set_as_it_was():
     after = before.append(query([2.0, 0.0], [0.0, 1.0]), Choice.A)
     assert (len(ComparisonSet.empty(2)), len(before), len(after)) == (0, 1, 2)
     np.testing.assert_array_equal(after.feature_diffs[:1], before.feature_diffs)
+
+
+def test_about_the_same_is_kept_and_prefers_neither():
+    after = ComparisonSet.empty(2).append(query([3.0, 1.0], [1.0, 4.0]), Choice.SAME)
+    np.testing.assert_array_equal(after.feature_diffs, [[2.0, -3.0]])
+    np.testing.assert_array_equal(after.signs, [0.0])
+
+
+def test_cannot_tell_and_skip_leave_the_set_as_it_is():
+    before = ComparisonSet.empty(2).append(query([1.0, 0.0], [0.0, 1.0]), Choice.B)
+    for choice in (Choice.UNSURE, Choice.SKIP):
+        assert not choice.is_informative
+        assert before.append(query([2.0, 0.0], [0.0, 1.0]), choice) is before

@@ -9,6 +9,7 @@ from scipy.stats import binomtest
 import study_core.study
 from study_core import queries
 from study_core.acquisition import acquisition_named
+from study_core.choice import ResponseParameters
 from study_core.comparison import ComparisonSet
 from study_core.domains.driving import DRIVING_V1
 from study_core.posterior import metropolis
@@ -32,7 +33,9 @@ def some_answers(n):
 def posterior_of(samples, log_likelihoods=None):
     samples = np.array(samples)
     logs = np.zeros(len(samples)) if log_likelihoods is None else np.array(log_likelihoods)
-    return Posterior(samples, logs, samples.mean(axis=0), NONE)
+    return Posterior(
+        samples, ResponseParameters.constant(len(samples), 50.0), logs, samples.mean(axis=0), NONE
+    )
 
 
 def same(first, second):

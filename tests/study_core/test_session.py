@@ -27,7 +27,14 @@ from tests.study_core.references import study_text
 
 N_ACTIVE, N_TEST = 3, 2
 N = N_ACTIVE + N_TEST
-STUDY = parse_study(study_text(protocol__active_queries=N_ACTIVE, protocol__test_queries=N_TEST))
+STUDY = parse_study(
+    study_text(
+        protocol__active_queries=N_ACTIVE,
+        protocol__test_queries=N_TEST,
+        response__answers=["a", "b", "skip"],
+    )
+)
+SIGNS = {Choice.A: 1.0, Choice.B: -1.0}
 
 # Made beforehand: the shape checks of the core draw random numbers, which Hypothesis forbids inside a strategy.
 EVENTS = st.one_of(
@@ -35,7 +42,7 @@ EVENTS = st.one_of(
     st.sampled_from([prepared(index, phase) for index in range(N + 1) for phase in Phase]),
     st.sampled_from([AnswerGiven(index, choice, 5) for index in range(N + 1) for choice in Choice]),
 )
-CHOICES = st.lists(st.sampled_from(Choice), min_size=N, max_size=N)
+CHOICES = st.lists(st.sampled_from([*SIGNS, Choice.SKIP]), min_size=N, max_size=N)
 
 
 @dataclass
@@ -50,7 +57,8 @@ class Model:
         if isinstance(event, SessionBegun):
             return not self.has_begun
         if isinstance(event, AnswerGiven):
-            return self.n_prepared > self.n_answered == event.query_index
+            is_current = self.n_prepared > self.n_answered == event.query_index
+            return is_current and event.choice in (*SIGNS, Choice.SKIP)
         is_next = event.query_index == self.n_answered == self.n_prepared < N
         belongs = (event.phase is Phase.ACTIVE) == (event.query_index < N_ACTIVE)
         return self.has_begun and is_next and belongs
@@ -130,7 +138,7 @@ def test_whatever_else_is_tried_legal_events_lead_to_the_end_and_illegal_ones_ra
     assert next_action(STUDY, state) is Action.FINISHED
     assert len(state.answers) == len(state.prepared) == N
     assert state.n_events == 2 * N + 1
-    assert len(state.comparisons) == N_ACTIVE
+    assert len(state.comparisons) == sum(answer.choice in SIGNS for answer in state.answers[:N_ACTIVE])
 
 
 @given(choices=CHOICES, cut=st.integers(0, 2 * N))
@@ -142,14 +150,13 @@ def test_reducing_a_prefix_and_applying_the_rest_is_reducing_it_all(choices, cut
 
 
 @given(choices=CHOICES)
-def test_the_posterior_sees_every_active_answer_and_no_test_answer(choices):
+def test_the_posterior_sees_every_active_preference_and_no_skip_and_no_test_answer(choices):
     state = reduce(STUDY, whole_log(choices))
-    active = [prepared(index).proposed.query for index in range(N_ACTIVE)]
-    np.testing.assert_array_equal(
-        state.comparisons.feature_diffs, [query.features_a - query.features_b for query in active]
-    )
-    expected = [1.0 if choice is Choice.A else -1.0 for choice in choices[:N_ACTIVE]]
-    np.testing.assert_array_equal(state.comparisons.signs, expected)
+    preferred = [index for index in range(N_ACTIVE) if choices[index] in SIGNS]
+    queries = [prepared(index).proposed.query for index in preferred]
+    expected = [query.features_a - query.features_b for query in queries]
+    np.testing.assert_array_equal(state.comparisons.feature_diffs, np.reshape(expected, (-1, 4)))
+    np.testing.assert_array_equal(state.comparisons.signs, [SIGNS[choices[index]] for index in preferred])
     assert [answer.choice for answer in state.answers] == choices
 
 
@@ -211,6 +218,11 @@ ILLEGAL = {
     "a test query among the active ones": ([BEGUN], prepared(0, Phase.TEST), SessionError),
     "an active query among the test ones": (FINISHED[: 2 * N_ACTIVE + 1], prepared(N_ACTIVE), SessionError),
     "one query too many": (FINISHED, prepared(N, Phase.TEST), SessionError),
+    "an answer that the study does not offer": (
+        [BEGUN, FIRST],
+        AnswerGiven(0, Choice.SAME, 500),
+        SessionError,
+    ),
     "one answer too many": (FINISHED, AnswerGiven(N, Choice.A, 5), AnswerNotCurrentError),
 }
 

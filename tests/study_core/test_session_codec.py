@@ -51,7 +51,7 @@ def same(first, second):
         SessionBegun(12),
         SessionBegun("rehearsal"),
         AnswerGiven(7, Choice.A, 0),
-        AnswerGiven(0, Choice.B, 86_400_000),
+        *(AnswerGiven(0, choice, 86_400_000) for choice in Choice),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
     ],
     ids=lambda event: type(event).__name__,

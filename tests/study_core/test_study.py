@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from study_core.choice import ResponseModel
+from study_core.comparison import Choice
 from study_core.errors import StudyError
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
@@ -53,6 +54,12 @@ def test_what_the_file_says_reaches_the_science():
     assert study.prior == Prior("sphere", 4)
     assert study.sampler == SamplerSettings(n_chains=4, n_warmup=150, n_draws=500, n_samples=20)
     assert (study.seed, study.protocol.n_queries, study.file.trajectory.starts) == (5, 5, 3)
+
+
+def test_a_study_offers_a_and_b_and_whatever_it_names_beside_them():
+    assert parse_study(study_text()).answers == (Choice.A, Choice.B)
+    more = parse_study(study_text(response__answers=["a", "b", "unsure", "skip"]))
+    assert more.answers == (Choice.A, Choice.B, Choice.UNSURE, Choice.SKIP)
 
 
 def test_the_hash_is_of_every_character_of_the_text():
@@ -146,6 +153,18 @@ MALFORMED = {
     "an unknown response model": (
         {"response__model": "probit"},
         r"key 'response\.model': input should be 'sigmoid' or 'clipped-linear', got 'probit'",
+    ),
+    "an answer twice": (
+        {"response__answers": ["a", "b", "skip", "skip"]},
+        r"key 'response\.answers': answers must begin with \"a\", \"b\" and name none twice",
+    ),
+    "answers without b": (
+        {"response__answers": ["a", "skip"]},
+        r"key 'response\.answers': answers must begin with \"a\", \"b\"",
+    ),
+    "an unknown answer": (
+        {"response__answers": ["a", "b", "maybe"]},
+        r"key 'response\.answers\.2': input should be 'a', 'b'.*, got 'maybe'",
     ),
     "an unknown support": (
         {"prior__support": "cube"},

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from study_core.acquisition.heuristic import rank_pairs
+from study_core.choice import ResponseParameters
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
@@ -13,7 +14,9 @@ NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
 
 
 def posterior_of(samples, log_likelihoods):
-    return Posterior(samples, log_likelihoods, samples.mean(axis=0), NONE)
+    return Posterior(
+        samples, ResponseParameters.constant(len(samples), 50.0), log_likelihoods, samples.mean(axis=0), NONE
+    )
 
 
 def brute_force(samples, log_likelihoods, mu):

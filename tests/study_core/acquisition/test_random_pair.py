@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chisquare
 
 from study_core.acquisition.random_pair import rank_pairs
+from study_core.choice import ResponseParameters
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
@@ -13,7 +14,9 @@ NONE = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3)
 
 def posterior_of(n):
     samples = np.random.default_rng(n).random((n, 2))
-    return Posterior(samples, -np.arange(float(n)), samples.mean(axis=0), NONE)
+    return Posterior(
+        samples, ResponseParameters.constant(n, 50.0), -np.arange(float(n)), samples.mean(axis=0), NONE
+    )
 
 
 @pytest.mark.statistical

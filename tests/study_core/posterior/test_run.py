@@ -1,14 +1,16 @@
 """The posterior keeps an even share of its draws and diagnoses all of them."""
 
+import math
+
 import numpy as np
 import pytest
 
-from study_core.choice import ResponseModel
-from study_core.comparison import ComparisonSet
-from study_core.posterior.diagnostics import diagnose
+from study_core.choice import ResponseModel, ResponseParameters
+from study_core.comparison import Choice, ComparisonSet
+from study_core.posterior.diagnostics import Diagnostics, diagnose
 from study_core.posterior.metropolis import run_chains
 from study_core.posterior.prior import Prior
-from study_core.posterior.run import SamplerSettings, infer
+from study_core.posterior.run import Posterior, SamplerSettings, infer
 
 MODEL, PRIOR = ResponseModel("sigmoid", 50.0, 0.1), Prior("sphere", 4)
 SETTINGS = SamplerSettings(n_chains=4, n_warmup=300, n_draws=500, n_samples=100)
@@ -67,3 +69,18 @@ def test_the_samples_carry_their_own_log_likelihoods():
 def test_without_answers_every_log_likelihood_is_zero():
     posterior = infer(np.random.default_rng(3), PRIOR, MODEL, ComparisonSet.empty(4), SETTINGS)
     np.testing.assert_allclose(posterior.log_likelihoods, 0.0, rtol=0, atol=1e-12)
+
+
+def test_the_predicted_probability_averages_probabilities_and_not_weights():
+    samples = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, 0.3]])
+    parameters = ResponseParameters(np.array([50.0, 5.0, 20.0]), np.array([0.1, 0.0, 0.2]), np.zeros(3))
+    diagnostics = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3)
+    posterior = Posterior(samples, parameters, np.zeros(3), samples.mean(axis=0), diagnostics)
+    expected = [
+        0.05 + 0.9 / (1 + math.exp(-50.0 * 0.1)),
+        1 / (1 + math.exp(-5.0 * -0.02)),
+        0.1 + 0.8 / (1 + math.exp(-20.0 * 0.3 * 0.08)),
+    ]
+    for choice, value in ((Choice.A, math.fsum(expected) / 3), (Choice.B, 1 - math.fsum(expected) / 3)):
+        predicted = posterior.predicted_probability(choice, np.array([0.1, -0.02]))
+        assert predicted == pytest.approx(value, abs=1e-15)
