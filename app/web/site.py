@@ -23,9 +23,15 @@ from app.web.changes import Changes
 from app.web.guard import Guard, JoinLimit, protect
 from app.web.pages import error_json, error_response, templates
 from app.web.screens import screen_events
+from study_core.comparison import Choice
 from study_core.study import Study
 
 _SECONDS_PER_QUERY = 14
+_OTHER_ANSWERS = {
+    Choice.SAME: "About the same",
+    Choice.UNSURE: "Can’t tell",
+    Choice.SKIP: "Skip this pair",
+}
 _COOKIE = "prefstudy-session"
 _COOKIE_AGE_S = 30 * 24 * 3600
 _UNKNOWN_LINK = (
@@ -205,6 +211,7 @@ def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
             "question": text.question,
             "thanks": text.thanks,
             "screen": asdict(screen),
+            "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
         }
         return templates.TemplateResponse(request, "participant.html", context)
 

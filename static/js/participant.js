@@ -10,7 +10,7 @@ const TALL_BELOW = 1.05; // width over height of the window
 
 const byId = (id) => document.getElementById(id);
 const wait = (ms) => new Promise((done) => setTimeout(done, ms));
-const buttons = [byId("answer-a"), byId("answer-b")];
+const buttons = [...document.querySelectorAll("[data-choice]")]; // A, B and what else the study offers
 const stage = byId("stage");
 const notice = byId("notice");
 const sample = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -64,6 +65,13 @@ def parts(tmp_path: Path) -> Iterator[SiteParts]:
 @pytest.fixture
 def url(parts: SiteParts) -> Iterator[str]:
     """The address of a site in this process."""
+    with serving(parts) as address:
+        yield address
+
+
+@contextmanager
+def serving(parts: SiteParts) -> Iterator[str]:
+    """Serves a site in this process, at the address that is given."""
     server = uvicorn.Server(
         uvicorn.Config(create_site(parts), port=0, log_level="critical", ws="websockets-sansio")
     )
