@@ -29,8 +29,9 @@ check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but 
 check-slow: .venv/dev.stamp chromium ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
 
-bench: .venv/dev.stamp ## Measure the next query and the server; prints JSON
+bench: .venv/dev.stamp ## Measure the next query, the best drives and the server; prints JSON
 	$(BIN)/prefstudy bench query --json
+	$(BIN)/prefstudy bench trajectories --json
 	$(BIN)/prefstudy bench serve --json
 
 format: .venv/dev.stamp ## Format, and mend what the linter can mend

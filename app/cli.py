@@ -174,6 +174,15 @@ def bench_query(seed: SeedOption = 0, json_: JsonOption = False) -> None:
         _print_result(query.run(seed, progress), json_)
 
 
+@bench.command("trajectories")
+def bench_trajectories(seed: SeedOption = 0, json_: JsonOption = False) -> None:
+    """Quality and time of the best drive from the bank, against ten and a thousand random starts."""
+    from app.bench import trajectories
+
+    with _progress() as progress:
+        _print_result(trajectories.run(seed, progress), json_)
+
+
 @bench.command("serve")
 def bench_serve(
     people: Annotated[int, typer.Option(min=1, help="People at once.")] = 50,
