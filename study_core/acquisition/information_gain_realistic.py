@@ -6,8 +6,10 @@ The gain is that of Biyik et al. (2019), "Asking Easy Questions", eq. 4, in nats
 with its own rationality, lapse rate and tie threshold. Free to choose any controls, it shows people absurd drives
 (Katz et al. 2021, Fig. 1); each drive of a bank is locally the best for some w.
 
-Random pairs are screened by a quick estimate on a few samples; the best of them that look different are scored on
-all samples.
+An answer says little about two drives of which the samples agree that one is better. So the drives are sorted by what
+they are worth to the mean sample, and pairs are drawn whose ranks lie at a log-uniform distance: most of them close
+together, some at any distance. They are screened by a quick estimate on a few samples; the best of them that look
+different are scored on all samples.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from study_core.acquisition import kernels
-from study_core.acquisition.bank_pairs import bank_of, draw_pairs, ranked_drives
+from study_core.acquisition.bank_pairs import bank_of, ranked_drives
 from study_core.acquisition.information_gain import information_gains
 from study_core.acquisition.pairs import Acquisition, RankedTrajectories, Situation
 from study_core.bank import Bank
@@ -31,7 +33,7 @@ _N_SCORED = 128
 def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> RankedTrajectories:
     """Returns the most informative pairs found; see `study_core.acquisition.pairs.RankFn`."""
     bank = bank_of(situation)
-    pairs = draw_pairs(rng, len(bank.controls), _N_SCREENED)
+    pairs = _draw_open_pairs(rng, bank, situation.posterior)
     estimates = _estimated_gains(bank, pairs, situation.posterior)
     promising = pairs[np.argsort(-estimates, kind="stable")[:_N_SCORED]]
     distinct = _distinct(bank, promising, situation.min_difference)
@@ -39,6 +41,22 @@ def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> 
     gains, _ = information_gains(situation.posterior, psis)
     best = np.argsort(-gains, kind="stable")[:n_pairs]
     return ranked_drives(bank, distinct[best], gains[best])
+
+
+def _draw_open_pairs(
+    rng: np.random.Generator, bank: Bank, posterior: Posterior
+) -> Int[np.ndarray, "n_pairs 2"]:
+    """Returns random pairs, no pair twice, most of which are worth about the same to the mean sample."""
+    n_drives = len(bank.controls)
+    if n_drives * (n_drives - 1) // 2 <= _N_SCREENED:
+        return np.column_stack(np.triu_indices(n_drives, k=1))
+    by_worth = np.argsort(bank.features @ posterior.samples.mean(axis=0), kind="stable")
+    distances = np.exp(rng.uniform(0.0, np.log(n_drives), _N_SCREENED)).astype(np.int64)
+    lower = rng.integers(n_drives, size=_N_SCREENED)
+    is_inside = lower + distances < n_drives
+    codes = np.unique(lower[is_inside] * n_drives + distances[is_inside])
+    ranks, apart = np.divmod(codes, n_drives)
+    return np.column_stack([by_worth[ranks], by_worth[ranks + apart]])
 
 
 def _estimated_gains(
