@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from study_core import trajectory
+from study_core import lbfgs, trajectory
 from study_core.acquisition import acquisition_named
 from study_core.acquisition.pairs import RankedPairs
 from study_core.comparison import ComparisonSet, Query
@@ -130,7 +130,7 @@ def _first_distinct(
         seed=study.seed,
         stream=names,
         method=method,
-        versions=(study.domain.id, metropolis.VERSION, trajectory.VERSION),
+        versions=(study.domain.id, metropolis.VERSION, lbfgs.VERSION),
         weights_a=weights[pair[0]],
         weights_b=weights[pair[1]],
         score=float(ranked.scores[rank]),

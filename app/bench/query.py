@@ -15,8 +15,8 @@ from app.bench.report import BenchError, provenance, spread
 from app.continuation import clip_digests, continue_session
 from app.services.continuation import Request
 from app.settings import find_study
-from study_core import trajectory
 from study_core.comparison import ComparisonSet
+from study_core.lbfgs import maximise
 from study_core.participants import draw_person
 from study_core.posterior.diagnostics import diagnose
 from study_core.posterior.run import Posterior
@@ -157,5 +157,5 @@ def _gains(study: Study, other: plain.PlainQuery) -> np.ndarray:
     n_weights, n_starts, n_controls = other.starts.shape
     starts = other.starts.reshape(-1, n_controls)
     weights = np.repeat(other.pair, n_starts, axis=0)
-    _, rewards, _, _ = trajectory.maximise(study.domain, starts, weights)
+    _, rewards, _, _ = maximise(study.domain, starts, weights)
     return np.asarray(rewards.reshape(n_weights, n_starts).max(axis=1) - np.array(other.rewards))

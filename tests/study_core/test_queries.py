@@ -12,13 +12,13 @@ from study_core.acquisition import acquisition_named
 from study_core.choice import ResponseParameters
 from study_core.comparison import ComparisonSet
 from study_core.domains.driving import DRIVING_V1
+from study_core.lbfgs import VERSION as OPTIMISER_VERSION
 from study_core.posterior import metropolis
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 from study_core.queries import infer_posterior, propose_active_query, propose_test_set
 from study_core.streams import stream
 from study_core.study import parse_study
-from study_core.trajectory import VERSION as OPTIMISER_VERSION
 from tests.study_core import references
 
 STUDY = parse_study(references.study_text())

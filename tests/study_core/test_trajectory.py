@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from study_core import trajectory
+from study_core import lbfgs
 from study_core.domains.driving import DRIVING_V1
-from study_core.trajectory import best_trajectories, maximise
+from study_core.lbfgs import maximise
+from study_core.trajectory import best_trajectories
 from tests.study_core import references
 
 # The best reward known for these weights, and what the median of single random starts reaches.
@@ -95,7 +96,7 @@ def test_what_is_called_converged_has_no_projected_gradient():
 
 
 def test_running_out_of_evaluations_is_reported_and_still_no_worse(monkeypatch):
-    monkeypatch.setattr(trajectory, "_MAX_EVALUATIONS", 3)
+    monkeypatch.setattr(lbfgs, "_MAX_EVALUATIONS", 3)
     rng = np.random.default_rng(6)
     starts, weights = rng.uniform(-1, 1, (20, 10)), references.prior_draws(rng, "sphere", 20)
     _, rewards, has_converged, n_evaluations = maximise(DRIVING_V1, starts, weights)
