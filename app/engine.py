@@ -46,22 +46,22 @@ class EngineError(AppError):
     """The engine can't be started or reached."""
 
 
-class InlineComputation:
-    """A result that is computed in this process when it is asked for."""
+class ComputationOnDemand:
+    """A result that is computed when it is asked for."""
 
-    def __init__(self, function: Callable[..., Any], argument: object) -> None:
-        self._function, self._argument = function, argument
+    def __init__(self, compute: Callable[[], Any]) -> None:
+        self._compute = compute
         self._future: Future[Any] = Future()
 
     def done(self) -> bool:
-        """Returns True: `result` never waits for anyone else."""
+        """Returns True: whoever asks for the result is the one to compute it."""
         return True
 
     def result(self, timeout: float | None = None) -> Any:
         """Returns the result, computed on the first call."""
         if not self._future.done():
             try:
-                self._future.set_result(self._function(self._argument))
+                self._future.set_result(self._compute())
             except Exception as error:  # noqa: BLE001 - handed on to whoever asks
                 self._future.set_exception(error)
         return self._future.result(timeout)
@@ -80,9 +80,22 @@ class InlineEngine:
 
     def submit(
         self, key: str, function: Callable[..., Any], argument: object, urgency: float
-    ) -> InlineComputation:
+    ) -> ComputationOnDemand:
         """Returns the computation; see `app.services.continuation.Engine`."""
-        return InlineComputation(function, argument)
+        return ComputationOnDemand(lambda: function(argument))
+
+
+class OnDemandEngine:
+    """Computes on another engine, and only what is asked for: many simulated people, none of whom takes time."""
+
+    def __init__(self, engine: DaskEngine) -> None:
+        self._engine = engine
+
+    def submit(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float
+    ) -> ComputationOnDemand:
+        """Returns the computation; see `app.services.continuation.Engine`."""
+        return ComputationOnDemand(lambda: self._engine.submit(key, function, argument, urgency).result())
 
 
 @dataclass
@@ -155,7 +168,7 @@ class DaskEngine:
                 pending.future.cancel()
             self._client.close(timeout=2)
             if self._cluster is not None:
-                self._cluster.stop()
+                self._cluster.close()
 
     @property
     def process_ids(self) -> dict[str, list[int]]:
@@ -291,8 +304,13 @@ class LocalProcesses:
                 log.warning("worker %d has died; starting another", worker.pid)
                 self._workers[index] = self._spawn_worker()
 
+    def close(self) -> None:
+        """Ends all processes for good."""
+        self.stop()
+        self._folder.cleanup()
+
     def stop(self) -> None:
-        """Ends all processes."""
+        """Ends all processes; they can be started again."""
         processes = [*self._workers, *([self._scheduler] if self._scheduler else [])]
         for process in processes:
             process.kill()
