@@ -29,8 +29,9 @@ check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but 
 check-slow: .venv/bench.stamp chromium ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
 
-bench: .venv/bench.stamp ## Measure queries, posterior and server beside their alternatives; prints JSON
+bench: .venv/bench.stamp ## Measure queries, drives, posterior and server beside their alternatives; prints JSON
 	$(BIN)/prefstudy bench query --json
+	$(BIN)/prefstudy bench trajectories --json
 	$(BIN)/prefstudy bench posterior --json
 	$(BIN)/prefstudy bench serve --json
 

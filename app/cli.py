@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 import app.process  # noqa: F401  - before numpy
 from app import log
@@ -18,6 +19,7 @@ from app.errors import AppError
 from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
 from study_core.errors import StudyCoreError
+from study_core.study import Study
 
 cli = typer.Typer(
     name="prefstudy",
@@ -77,6 +79,7 @@ def serve(
 
     log.configure("WARNING")
     settings = wiring.ServeSettings(find_study(study), database, host, port, workers, scheduler, public_url)
+    _open_bank(settings.study)
     console.print(f"Starting [bold]{settings.study.name}[/] (compiling kernels on the first run) ...")
     wiring.serve(settings, lambda link: print(f"Participants open: {link}", flush=True))
 
@@ -100,6 +103,7 @@ def replay(
     log.configure("WARNING")
     with wiring.headless() as runtime:
         for script in read_scripts(path):
+            _open_bank(script.study)
             summary = replay_script(runtime, script)
             _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")
 
@@ -152,6 +156,7 @@ def simulate(
 
     log.configure("WARNING")
     definition = find_study(study)
+    _open_bank(definition)
     crowd = Crowd(seed, people, Habits(drift, side_bias, unsure_rate), rationality, lapse_rate)
     n_workers = min(workers or n_cores(), people)
     # While one person's answer is being stored, another's next query is computed.
@@ -225,6 +230,33 @@ def bench_posterior(
         _print_result(posterior.run(seed, progress, out), json_)
 
 
+@bench.command("trajectories")
+def bench_trajectories(seed: SeedOption = 0, json_: JsonOption = False) -> None:
+    """Quality and time of the best drive from the bank, against ten and a thousand random starts."""
+    from app.bench import trajectories
+
+    with _progress() as progress:
+        _print_result(trajectories.run(seed, progress), json_)
+
+
+@bench.command("acquisition")
+def bench_acquisition(
+    people: Annotated[int, typer.Option(min=2, help="Simulated people, the same for every method.")] = 100,
+    queries: Annotated[int, typer.Option(min=1, help="Active queries to each of them.")] = 30,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the picture into this new folder, with its numbers.")
+    ] = None,
+) -> None:
+    """Compare how fast the acquisition methods learn the same simulated people; about ten minutes on two cores."""
+    from app.bench import acquisition
+
+    _open_bank(find_study(acquisition.STUDY))
+    with _progress() as progress:
+        _print_result(acquisition.run(seed, progress, people, queries, out), json_)
+
+
 @bench.command("serve")
 def bench_serve(
     people: Annotated[int, typer.Option(min=1, help="People at once.")] = 50,
@@ -237,6 +269,27 @@ def bench_serve(
 
     with _progress() as progress:
         _print_result(serve_bench.run(seed, people, answers, progress), json_)
+
+
+def _open_bank(study: Study) -> None:
+    """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
+    from study_core.bank import open_bank
+
+    if study.uses_bank:
+        with _progress() as progress:
+            open_bank(study.domain, _shown(progress, "bank of drives"))
+
+
+def _shown(progress: Progress, description: str) -> Callable[[int, int], None]:
+    """Returns what shows how much is done; nothing is shown before it is called."""
+    tasks: list[TaskID] = []
+
+    def show(done: int, total: int) -> None:
+        if not tasks:
+            tasks.append(progress.add_task(description, total=total))
+        progress.update(tasks[0], completed=done)
+
+    return show
 
 
 def _progress() -> Progress:

@@ -177,11 +177,12 @@ def _write(path: Path, recipe: str, bank: Bank) -> None:
     packed = _packed((bank.controls, bank.features, bank.weights, bank.paths))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f"{path.name}.", delete=False) as part:
-            part.write(_digest(recipe, packed) + packed)
-        Path(part.name).replace(path)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            part = Path(folder) / path.name
+            part.write_bytes(_digest(recipe, packed) + packed)
+            part.replace(path)
     except OSError as error:
-        _log.warning("Can't keep the bank in %s: %s. It will be built by every process.", path, error)
+        _log.warning("Can't keep the bank in %s: %s. Every process will build its own.", path, error)
 
 
 def _cache_folder() -> Path:

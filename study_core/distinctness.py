@@ -33,7 +33,7 @@ def visible_paths(
         float32, which resolves a millionth of a body length.
 
     Raises:
-        DomainError: Two drives have other numbers of bodies or frames.
+        DomainError: Two drives have other numbers of bodies or frames, or a body has no size.
     """
     scenes = [domain.scene(row) for row in controls]
     paths = [np.stack([_coordinates(track) for track in scene.tracks]) for scene in scenes]
@@ -47,17 +47,18 @@ def visible_paths(
 
 
 def visible_difference(
-    paths_a: Float[np.ndarray, "*n n_bodies n_coordinates"],
-    paths_b: Float[np.ndarray, "*n n_bodies n_coordinates"],
-) -> Float[np.ndarray, "*n"]:
+    paths_a: Float[np.ndarray, "n n_bodies n_coordinates"],
+    paths_b: Float[np.ndarray, "n n_bodies n_coordinates"],
+) -> Float[np.ndarray, " n"]:
     """Returns how far apart drives look, in body lengths: root mean square over time, of the body that differs most.
 
     Args:
-        paths_a: From `visible_paths`; any leading axes.
-        paths_b: The drives to compare with, one by one.
+        paths_a: One drive a row, from `visible_paths`.
+        paths_b: The drive to compare with each.
     """
     apart = paths_a - paths_b
-    return np.sqrt(np.einsum("...k,...k->...", apart, apart).max(axis=-1))
+    squares = np.einsum("nbk,nbk->nb", apart, apart).max(axis=1)
+    return np.sqrt(squares, dtype=np.float64)
 
 
 def distinct_rows(
@@ -80,5 +81,8 @@ def _coordinates(track: Track) -> Float[np.ndarray, " n_coordinates"]:
 
 def _length(body: Body) -> float:
     """Returns the largest extent of all that is drawn of a body."""
-    corners = np.concatenate([mesh.vertices for mesh in body.meshes])
-    return float(np.ptp(corners, axis=0).max())
+    corners = np.concatenate([np.empty((0, 3)), *(mesh.vertices for mesh in body.meshes)])
+    length = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
+    if length == 0.0:
+        raise DomainError(f"Expected body '{body.name}' to have a size, got none. Give it a mesh.")
+    return length

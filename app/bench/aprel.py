@@ -46,26 +46,27 @@ def sample_belief(
 
 
 def looped_log_likelihood(
-    preferred_diffs: Float[np.ndarray, "n_answers n_features"], rationality: float, lapse_rate: float
+    slates: Float[np.ndarray, "n_answers n_choices n_features"], rationality: float, lapse_rate: float
 ) -> LogLikelihood:
-    """Returns log p(answers | w), summed over the answers one by one."""
+    """Returns log p(answers | w), summed over the answers one by one; the chosen trajectory is first in its slate."""
 
     def log_likelihood(weights: Float[np.ndarray, " n_features"]) -> float:
         total = 0.0
-        for diff in preferred_diffs:
-            total += np.log(_probability(diff @ weights, rationality, lapse_rate))
-        return total
+        for slate in slates:
+            total += np.log(_choice_probabilities(slate @ weights, rationality, lapse_rate)[0])
+        return float(total)
 
     return log_likelihood
 
 
 def vectorised_log_likelihood(
-    preferred_diffs: Float[np.ndarray, "n_answers n_features"], rationality: float, lapse_rate: float
+    slates: Float[np.ndarray, "n_answers n_choices n_features"], rationality: float, lapse_rate: float
 ) -> LogLikelihood:
-    """Returns log p(answers | w), all answers in one numpy call."""
+    """Returns log p(answers | w), all answers in one numpy call; the chosen trajectory is first in its slate."""
 
     def log_likelihood(weights: Float[np.ndarray, " n_features"]) -> float:
-        return float(np.log(_probability(preferred_diffs @ weights, rationality, lapse_rate)).sum())
+        likely = _choice_probabilities(slates @ weights, rationality, lapse_rate)
+        return float(np.log(likely[:, 0]).sum())
 
     return log_likelihood
 
@@ -79,12 +80,9 @@ def looped_best_pair(
     """Returns the pair whose answer is expected to tell most about w, sample by sample."""
     best, best_gain = (0, 1), -np.inf
     for i, j in combinations(range(len(features)), 2):
-        diff = features[i] - features[j]
-        rows = []
-        for weights in samples:
-            likely_a = _probability(diff @ weights, rationality, lapse_rate)
-            rows.append((likely_a, 1.0 - likely_a))
-        gain = _information_gain(np.array(rows))
+        slate = features[[i, j]]
+        likely = [_choice_probabilities(slate @ weights, rationality, lapse_rate) for weights in samples]
+        gain = _information_gain(np.array(likely))
         if gain > best_gain:
             best, best_gain = (i, j), gain
     return best
@@ -99,21 +97,24 @@ def vectorised_best_pair(
     """Returns the pair whose answer is expected to tell most about w, all samples of a pair in one numpy call."""
     best, best_gain = (0, 1), -np.inf
     for i, j in combinations(range(len(features)), 2):
-        likely_a = _probability(samples @ (features[i] - features[j]), rationality, lapse_rate)
-        gain = _information_gain(np.column_stack([likely_a, 1.0 - likely_a]))
+        gain = _information_gain(_choice_probabilities(samples @ features[[i, j]].T, rationality, lapse_rate))
         if gain > best_gain:
             best, best_gain = (i, j), gain
     return best
 
 
-def _probability(
-    reward_diff: Float[np.ndarray, " n"] | np.floating, rationality: float, lapse_rate: float
-) -> Float[np.ndarray, " n"]:
-    """Returns P(A) for reward differences R_A - R_B."""
-    return np.asarray(0.5 * lapse_rate + (1.0 - lapse_rate) / (1.0 + np.exp(-rationality * reward_diff)))
+def _choice_probabilities(
+    rewards: Float[np.ndarray, "*shape n_choices"], rationality: float, lapse_rate: float
+) -> Float[np.ndarray, "*shape n_choices"]:
+    """Returns how likely each trajectory of a slate is chosen: softmax(beta R), with lapses spread over all of them."""
+    utilities = rationality * rewards
+    odds = np.exp(utilities - utilities.max(axis=-1, keepdims=True))
+    return np.asarray(
+        lapse_rate / rewards.shape[-1] + (1.0 - lapse_rate) * odds / odds.sum(axis=-1, keepdims=True)
+    )
 
 
-def _information_gain(probabilities: Float[np.ndarray, "n_samples n_answers"]) -> float:
+def _information_gain(probabilities: Float[np.ndarray, "n_samples n_choices"]) -> float:
     """Returns the expected information about w in an answer, in bits."""
     n_samples = len(probabilities)
     surprise = np.log2(n_samples * probabilities / probabilities.sum(axis=0))

@@ -20,20 +20,15 @@ from jaxtyping import Float
 from rich.progress import Progress
 
 from app.bench import aprel
+from app.bench.answers import RESPONSE, Answers, prior_of, simulated_answers
 from app.bench.peers import INSTALL, Peer, installed_peers
 from app.bench.peers.target import LAPSE_RATE, RATIONALITY
 from app.bench.report import make_folder, percentile, provenance
 from app.settings import find_study
-from study_core.choice import ResponseModel
-from study_core.comparison import ComparisonSet
-from study_core.domain import Domain
-from study_core.participants import draw_person
 from study_core.posterior.diagnostics import diagnose
-from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings, infer
 from study_core.streams import stream
 from study_core.study import Study
-from study_core.trajectory import best_trajectories
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,8 +37,6 @@ N_ANSWERS = 100
 UPDATES_AT = (10, 100, 1000)
 CURVE_AT = (10, 20, 50, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
 _STUDY = "quickstart"
-_RESPONSE = ResponseModel("sigmoid", RATIONALITY, LAPSE_RATE)
-_N_DRIVES = 200
 _LARGEST_Z = 4.0
 _OURS = "prefstudy"
 
@@ -69,7 +62,7 @@ class Run:
     r_hat: float
 
 
-Sampler = Callable[[int, ComparisonSet], Run]
+Sampler = Callable[[int, Answers], Run]
 
 
 def run(
@@ -106,9 +99,11 @@ def run(
         if missing:
             note = f"Without {', '.join(missing)}. To compare with them: {INSTALL}"
             progress.console.print(note, markup=False, highlight=False, soft_wrap=True)
-        people = [_answers(study.domain, seed, number, max(CURVE_AT)) for number in range(1, n_people + 1)]
+        people = [
+            simulated_answers(study.domain, seed, number, max(CURVE_AT)) for number in range(1, n_people + 1)
+        ]
         samplers = {_OURS: _ours(study), **{peer.name: _theirs(peer) for peer in peers}}
-        runs = _race(samplers, [_first(answers, N_ANSWERS) for answers in people], n_runs, seed, progress)
+        runs = _race(samplers, [answers.first(N_ANSWERS) for answers in people], n_runs, seed, progress)
         plain = _time_aprel(people, seed, progress)
         updates = _time_updates(samplers[_OURS], people, n_updates, CURVE_AT if out else UPDATES_AT, progress)
     if out is not None:
@@ -149,30 +144,14 @@ def _one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def _answers(domain: Domain, seed: int, number: int, n: int) -> ComparisonSet:
-    """Returns what a simulated person answers about random pairs of locally optimal drives."""
-    prior = Prior("sphere", len(domain.feature_names))
-    person = draw_person(seed, number, prior, _RESPONSE)
-    rng = stream(seed, "bench-posterior", number)
-    drives = best_trajectories(rng, domain, prior.draw(rng, _N_DRIVES), 1).controls
-    features = domain.features(domain.rollout(drives))
-    pairs = np.array([rng.choice(_N_DRIVES, 2, replace=False) for _ in range(n)])
-    diffs = features[pairs[:, 0]] - features[pairs[:, 1]]
-    is_a = rng.random(n) < _RESPONSE.probability_of_a(diffs @ person.weights)
-    return ComparisonSet(diffs, np.where(is_a, 1.0, -1.0))
-
-
-def _first(answers: ComparisonSet, n: int) -> ComparisonSet:
-    return ComparisonSet(answers.feature_diffs[:n], answers.signs[:n])
-
-
 def _ours(study: Study) -> Sampler:
     """Returns the product's own update."""
-    prior = Prior("sphere", len(study.domain.feature_names))
+    prior = prior_of(study.domain)
 
-    def sample(seed: int, answers: ComparisonSet) -> Run:
+    def sample(seed: int, answers: Answers) -> Run:
         rng = stream(seed, "bench-posterior-ours")
-        seconds, posterior = _timed(lambda: infer(rng, prior, _RESPONSE, answers, study.sampler))
+        comparisons = answers.comparisons
+        seconds, posterior = _timed(lambda: infer(rng, prior, RESPONSE, comparisons, study.sampler))
         ess = posterior.diagnostics.ess_bulk
         error = posterior.samples.std(axis=0) / np.sqrt(ess)
         return Run(seconds, posterior.mean, error, float(ess.min()), float(posterior.diagnostics.r_hat.max()))
@@ -181,8 +160,9 @@ def _ours(study: Study) -> Sampler:
 
 
 def _theirs(peer: Peer) -> Sampler:
-    def sample(seed: int, answers: ComparisonSet) -> Run:
-        seconds, draws = _timed(lambda: peer.draw(seed, answers.preferred_diffs))
+    def sample(seed: int, answers: Answers) -> Run:
+        preferred_diffs = answers.comparisons.preferred_diffs
+        seconds, draws = _timed(lambda: peer.draw(seed, preferred_diffs))
         found = diagnose(np.ascontiguousarray(draws), acceptance=float("nan"))
         error = draws.std(axis=(0, 1)) / np.sqrt(found.ess_bulk)
         return Run(
@@ -193,7 +173,7 @@ def _theirs(peer: Peer) -> Sampler:
 
 
 def _race(
-    samplers: dict[str, Sampler], people: list[ComparisonSet], n_runs: int, seed: int, progress: Progress
+    samplers: dict[str, Sampler], people: list[Answers], n_runs: int, seed: int, progress: Progress
 ) -> dict[str, list[Run]]:
     """Returns each sampler's runs, person by person; in turns, so that whatever else goes on falls on all."""
     task = progress.add_task("samplers", total=len(samplers) * (1 + len(people) * n_runs))
@@ -209,29 +189,29 @@ def _race(
     return runs
 
 
-def _time_aprel(people: list[ComparisonSet], seed: int, progress: Progress) -> dict[str, float]:
+def _time_aprel(people: list[Answers], seed: int, progress: Progress) -> dict[str, float]:
     """Returns the milliseconds of APReL's belief update, looped and vectorised."""
     ways = {"looped": aprel.looped_log_likelihood, "vectorised": aprel.vectorised_log_likelihood}
     times: dict[str, list[float]] = {way: [] for way in ways}
     for number, answers in enumerate(progress.track(people, description="APReL's way")):
-        diffs = _first(answers, N_ANSWERS).preferred_diffs
+        slates = answers.first(N_ANSWERS).slates
         for way, likelihood_of in ways.items():
             rng = stream(seed, "bench-aprel", number)
-            likelihood = likelihood_of(diffs, RATIONALITY, LAPSE_RATE)
+            likelihood = likelihood_of(slates, RATIONALITY, LAPSE_RATE)
             began = time.perf_counter()
-            aprel.sample_belief(rng, diffs.shape[1], likelihood)
+            aprel.sample_belief(rng, slates.shape[2], likelihood)
             times[way].append(1e3 * (time.perf_counter() - began))
     return {way: percentile(values, 50) for way, values in times.items()}
 
 
 def _time_updates(
-    sample: Sampler, people: list[ComparisonSet], n_updates: int, at: tuple[int, ...], progress: Progress
+    sample: Sampler, people: list[Answers], n_updates: int, at: tuple[int, ...], progress: Progress
 ) -> dict[int, list[Run]]:
     """Returns our runs after each of the numbers of answers."""
     runs: dict[int, list[Run]] = {k: [] for k in at}
     for number in progress.track(range(n_updates), description="updates"):
         for k in at:
-            runs[k] += [sample(number, _first(answers, k)) for answers in people]
+            runs[k] += [sample(number, answers.first(k)) for answers in people]
     return runs
 
 

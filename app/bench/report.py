@@ -33,12 +33,12 @@ class BenchError(AppError):
 def spread(values: Sequence[float]) -> dict[str, float]:
     """Returns the median and the range that holds the middle four fifths."""
     p10, median, p90 = np.percentile(values, [10, 50, 90])
-    return {"median": _figures(median), "p10": _figures(p10), "p90": _figures(p90)}
+    return {"median": figures(median), "p10": figures(p10), "p90": figures(p90)}
 
 
 def percentile(values: Sequence[float], level: float) -> float:
     """Returns a percentile, e.g. the 99th."""
-    return _figures(np.percentile(values, level))
+    return figures(np.percentile(values, level))
 
 
 def make_folder(path: Path) -> None:
@@ -64,7 +64,7 @@ def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
     }
 
 
-def _figures(value: float | np.floating[Any]) -> float:
+def figures(value: float | np.floating[Any]) -> float:
     """Rounds to what a stopwatch can tell."""
     return float(f"{float(value):.4g}")
 

@@ -120,8 +120,9 @@ def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row
     named = {
         key: dict(zip(domain.feature_names, query[key], strict=True)) for key in ("features_a", "features_b")
     }
+    unknown = [None] * len(domain.feature_names)
     weights = {
-        key: dict(zip(domain.feature_names, provenance[key], strict=True))
+        key: dict(zip(domain.feature_names, provenance[key] or unknown, strict=True))
         for key in ("weights_a", "weights_b")
     }
     return {

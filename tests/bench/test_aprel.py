@@ -10,31 +10,33 @@ BETA, LAPSE = 40.0, 0.1
 
 
 @pytest.fixture(scope="module")
-def preferred_diffs():
-    rng = np.random.default_rng(21)
-    diffs = rng.normal(0.0, 0.1, (30, 4))
-    return diffs * np.where(diffs @ np.array([0.6, 0.1, 0.7, 0.35]) > 0.0, 1.0, -1.0)[:, None]
+def slates():
+    """Thirty pairs, the better one first."""
+    pairs = np.random.default_rng(21).normal(0.0, 0.07, (30, 2, 4))
+    is_better = pairs @ np.array([0.6, 0.1, 0.7, 0.35])
+    return np.where((is_better[:, 0] > is_better[:, 1])[:, None, None], pairs, pairs[:, ::-1])
 
 
-def reference_log_likelihoods(weights, preferred_diffs):
-    terms = references.log_answer_probability("sigmoid", BETA, LAPSE, weights @ preferred_diffs.T)
+def reference_log_likelihoods(weights, slates):
+    utilities = weights @ (slates[:, 0] - slates[:, 1]).T
+    terms = references.log_answer_probability("sigmoid", BETA, LAPSE, utilities)
     return terms.sum(axis=1)
 
 
 @pytest.mark.parametrize("likelihood_of", [aprel.looped_log_likelihood, aprel.vectorised_log_likelihood])
-def test_both_ways_have_the_likelihood_of_the_sigmoid_with_lapses(likelihood_of, preferred_diffs):
+def test_both_ways_have_the_likelihood_of_the_sigmoid_with_lapses(likelihood_of, slates):
     weights = references.prior_draws(np.random.default_rng(22), "sphere", 20)
-    likelihood = likelihood_of(preferred_diffs, BETA, LAPSE)
+    likelihood = likelihood_of(slates, BETA, LAPSE)
     values = [likelihood(row) for row in weights]
-    np.testing.assert_allclose(values, reference_log_likelihoods(weights, preferred_diffs), rtol=1e-12)
+    np.testing.assert_allclose(values, reference_log_likelihoods(weights, slates), rtol=1e-12)
 
 
 @pytest.mark.statistical
-def test_the_belief_is_the_posterior(preferred_diffs):
+def test_the_belief_is_the_posterior(slates):
     points = references.prior_draws(np.random.default_rng(23), "sphere", 200_000)
-    importance = np.exp(reference_log_likelihoods(points, preferred_diffs))
+    importance = np.exp(reference_log_likelihoods(points, slates))
     mean = importance @ points / importance.sum()
-    likelihood = aprel.vectorised_log_likelihood(preferred_diffs, BETA, LAPSE)
+    likelihood = aprel.vectorised_log_likelihood(slates, BETA, LAPSE)
     chains = [aprel.sample_belief(np.random.default_rng(seed), 4, likelihood) for seed in range(12)]
     assert chains[0].shape == (100, 4)
     assert min(chain.min() for chain in chains) >= 0.0

@@ -59,7 +59,7 @@ def test_every_active_answer_updates_the_posterior_and_test_answers_do_not(runti
     assert [p.query_index for p in posteriors] == list(range(9))
     means = {tuple(p.mean) for p in posteriors}
     assert len(means) == 9
-    assert all(p.samples.shape == (100, 4) for p in posteriors)
+    assert all(p.samples.shape == (300, 4) for p in posteriors)
     assert all(set(p.summary) >= {"r_hat", "ess_bulk", "ess_tail", "acceptance"} for p in posteriors)
 
 
