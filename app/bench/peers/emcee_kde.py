@@ -1,8 +1,8 @@
 """emcee (Foreman-Mackey et al. 2013): an ensemble of walkers, no gradients, every walker's density in one numpy call.
 
 Of its moves, proposals from a kernel density estimate of the other half of the ensemble (`KDEMove`) gave the largest
-effective sample size per second of those tried (stretch, differential evolution with and without snooker steps). Walkers
-of one ensemble depend on each other, and R-hat over them often stays above 1.01.
+effective sample size per second of those tried (stretch, differential evolution with and without snooker steps).
+Walkers of one ensemble depend on each other, and R-hat over them often stays above 1.01.
 """
 
 from __future__ import annotations
