@@ -47,22 +47,22 @@ class EngineError(AppError):
     """The engine can't be started or reached."""
 
 
-class InlineComputation:
-    """A result that is computed in this process when it is asked for."""
+class ComputationOnDemand:
+    """A result that is computed when it is asked for."""
 
-    def __init__(self, function: Callable[..., Any], argument: object) -> None:
-        self._function, self._argument = function, argument
+    def __init__(self, compute: Callable[[], Any]) -> None:
+        self._compute = compute
         self._future: Future[Any] = Future()
 
     def done(self) -> bool:
-        """Returns True: `result` never waits for anyone else."""
+        """Returns True: whoever asks for the result is the one to compute it."""
         return True
 
     def result(self, timeout: float | None = None) -> Any:
         """Returns the result, computed on the first call."""
         if not self._future.done():
             try:
-                self._future.set_result(self._function(self._argument))
+                self._future.set_result(self._compute())
             except Exception as error:  # noqa: BLE001 - handed on to whoever asks
                 self._future.set_exception(error)
         return self._future.result(timeout)
@@ -76,20 +76,40 @@ class InlineComputation:
         return True
 
 
-class InlineEngine:
-    """Computes in this process, and only what is asked for: headless replay and simulation."""
+class _EngineOnDemand:
+    """Computes only what is asked for: for people who take no time, nothing is worth computing ahead."""
 
     def submit(
         self, key: str, function: Callable[..., Any], argument: object, urgency: float
-    ) -> InlineComputation:
+    ) -> ComputationOnDemand:
         """Returns the computation; see `app.services.continuation.Engine`."""
-        return InlineComputation(function, argument)
+        return ComputationOnDemand(lambda: self._compute(key, function, argument, urgency))
 
     def submit_together(
         self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
-    ) -> list[InlineComputation]:
+    ) -> list[ComputationOnDemand]:
         """Returns a computation for each argument; only those that are asked for are computed."""
         return [self.submit(key, function, argument, urgency) for key, argument in arguments.items()]
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        raise NotImplementedError
+
+
+class InlineEngine(_EngineOnDemand):
+    """Computes in this process: headless replay and simulation."""
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        return function(argument)
+
+
+class OnDemandEngine(_EngineOnDemand):
+    """Computes on another engine: many simulated people at once."""
+
+    def __init__(self, engine: DaskEngine) -> None:
+        self._engine = engine
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        return self._engine.submit(key, function, argument, urgency).result()
 
 
 @dataclass
@@ -346,7 +366,7 @@ class LocalProcesses:
                 self._workers[index] = self._spawn_worker()
 
     def stop(self) -> None:
-        """Ends all processes."""
+        """Ends all processes; they can be started again."""
         processes = [*self._workers, *([self._scheduler] if self._scheduler else [])]
         for process in processes:
             process.kill()

@@ -9,8 +9,11 @@ import httpx
 
 from app import wiring
 from app.services.export import export
+from app.services.rehearsal import Crowd, Rehearsal, rehearse_all
 from app.services.replay import read_scripts, replay
+from app.settings import find_study
 from app.store import open_store
+from study_core.participants import Habits
 from tests.support.screens import screens
 from tests.support.server import running_server
 
@@ -31,3 +34,12 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
         summary = replay(runtime, script)
     assert len(script.stored) == 12
     assert json.dumps(summary)
+
+
+def test_simulated_people_are_the_same_in_this_process_and_on_the_engine() -> None:
+    def rehearsed(n_workers: int) -> list[Rehearsal]:
+        crowd = Crowd(12, 4, Habits(drift_rad=0.05, side_bias=0.2))
+        with wiring.headless(n_workers=n_workers) as runtime:
+            return list(rehearse_all(runtime, find_study("quickstart"), crowd, 2 * n_workers, lambda: None))
+
+    assert rehearsed(n_workers=1) == rehearsed(n_workers=2)
