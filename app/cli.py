@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 import app.process  # noqa: F401  - before numpy
 from app import log
 from app.errors import AppError
+from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
 from study_core.errors import StudyCoreError
 from study_core.study import Study
@@ -46,12 +47,12 @@ DatabaseOption = Annotated[
     ),
 ]
 
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random in it.")]
-
-
-class OutputError(AppError):
-    """An output file that can't be written."""
 
 
 @cli.command()
@@ -65,12 +66,7 @@ def serve(
     workers: Annotated[
         int, typer.Option(envvar="PREFSTUDY_WORKERS", min=1, help="Processes that compute queries.")
     ] = 2,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."
-        ),
-    ] = None,
+    scheduler: SchedulerOption = None,
     public_url: Annotated[
         str | None,
         typer.Option(
@@ -119,23 +115,64 @@ def simulate(
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the people: who they are and how they answer.")
     ] = 0,
+    rationality: Annotated[
+        float | None, typer.Option(min=1e-9, help="Their beta; the study's own unless told.")
+    ] = None,
+    lapse_rate: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=0.999, help="Share of answers they give at random; the study's unless told."
+        ),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(min=0.0, help="Angle in radians by which their taste moves at every query (r.m.s.)."),
+    ] = 0.0,
+    side_bias: Annotated[
+        float, typer.Option(help="What is added to their log-odds of A, whatever is shown.")
+    ] = 0.0,
+    unsure_rate: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Share of queries they can't tell, where a study offers that."),
+    ] = 0.0,
     database: DatabaseOption = DEFAULT_DATABASE,
-    out: Annotated[Path | None, typer.Option(help="Write one JSON line a person to this file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes that compute; all cores unless told. The results don't depend on it."
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Let simulated people of known weights walk a study; their sessions are kept, marked as rehearsed."""
     from app import wiring
-    from app.services.rehearsal import rehearse
+    from app.services.rehearsal import Crowd, rehearse_all
+    from app.services.table import new_table
+    from study_core.participants import Habits
 
     log.configure("WARNING")
     definition = find_study(study)
     _open_bank(definition)
-    with wiring.headless(database) as runtime, _progress() as progress, _lines(out) as write:
+    crowd = Crowd(seed, people, Habits(drift, side_bias, unsure_rate), rationality, lapse_rate)
+    n_workers = min(workers or n_cores(), people)
+    # While one person's answer is being stored, another's next query is computed.
+    n_at_once = 1 if n_workers == 1 else 2 * n_workers
+    with ExitStack() as stack:
+        table = stack.enter_context(new_table(out)) if out else None
+        runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
+        progress = stack.enter_context(_progress())
         task = progress.add_task(definition.name, total=people * definition.protocol.n_queries)
-        for number in range(1, people + 1):
-            summary = rehearse(runtime, definition, seed, number, lambda: progress.advance(task))
-            write(json.dumps(summary))
-            _print_summary(summary, json_, f"alignment {summary['alignment']:.3f}")
+        rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
+        for rehearsal in stack.enter_context(closing(rehearsals)):
+            if table is not None:
+                for row in rehearsal.rows:
+                    table.write(row)
+            headline = f"alignment {rehearsal.summary['alignment']:.3f}"
+            _print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
 
 
 @cli.command()
@@ -176,6 +213,21 @@ def bench_query(seed: SeedOption = 0, json_: JsonOption = False) -> None:
 
     with _progress() as progress:
         _print_result(query.run(seed, progress), json_)
+
+
+@bench.command("posterior")
+def bench_posterior(
+    seed: SeedOption = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="A new folder for the picture of the cost of an update.")
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Effective draws per second beside other samplers; a belief update beside APReL's way."""
+    from app.bench import posterior
+
+    with _progress() as progress:
+        _print_result(posterior.run(seed, progress, out), json_)
 
 
 @bench.command("trajectories")
@@ -251,32 +303,18 @@ def _progress() -> Progress:
     )
 
 
-@contextmanager
-def _lines(path: Path | None) -> Iterator[Callable[[str], None]]:
-    """Gives a function that writes a line to the file, or nowhere."""
-    if path is None:
-        yield lambda line: None
-        return
-    try:
-        file = path.open("x", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"Can't write {path}: {error.strerror}. Name a new file.") from error
-    with file:
-        yield lambda line: print(line, file=file)
-
-
 def _print_result(result: dict[str, Any], is_json: bool) -> None:
     print(json.dumps(result) if is_json else json.dumps(result, indent=2))
 
 
-def _print_summary(summary: dict[str, Any], is_json: bool, headline: str) -> None:
-    """Prints a session: as one JSON line, or as what a person wants to see."""
+def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
+    """Prints a session: as one JSON line, or as what a person wants to see, query by query unless there are many."""
     if is_json:
         print(json.dumps(summary))
         return
     out = Console()
     out.print(f"{summary['study']}, participant {summary['participant']}: {headline}", highlight=False)
-    for row in summary["queries"]:
+    for row in summary["queries"] if has_queries else ():
         difference = [
             a - b for a, b in zip(row["query"]["features_a"], row["query"]["features_b"], strict=True)
         ]

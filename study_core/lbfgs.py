@@ -43,7 +43,7 @@ def maximise(
     ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m n_controls"]]:
         return domain.reward_and_gradient(points, weights[rows])
 
-    return climb(evaluate, starts, domain.control_lower, domain.control_upper)
+    return climb(evaluate, starts, domain.control_lower, domain.control_upper, _MAX_EVALUATIONS)
 
 
 def climb(
@@ -51,7 +51,7 @@ def climb(
     starts: Float[np.ndarray, "n n_controls"],
     lower: Float[np.ndarray, " n_controls"],
     upper: Float[np.ndarray, " n_controls"],
-    max_evaluations: int = _MAX_EVALUATIONS,
+    max_evaluations: int,
 ) -> tuple[Float[np.ndarray, "n n_controls"], Float[np.ndarray, " n"], Bool[np.ndarray, " n"], int]:
     """Climbs any smooth objective from each start, within bounds.
 

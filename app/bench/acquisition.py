@@ -19,7 +19,7 @@ import numpy as np
 from rich.progress import Progress
 
 from app.bench.curve import Curve, Curves, over_people
-from app.bench.report import BenchError, figures, provenance
+from app.bench.report import BenchError, figures, make_folder, provenance
 from app.settings import find_study
 from study_core import lbfgs
 from study_core.acquisition import METHODS
@@ -99,7 +99,7 @@ def run(
     if n_people < 2:
         raise BenchError(f"Expected at least 2 people, got {n_people}: one person's luck says nothing.")
     if out is not None:
-        _make(out)
+        make_folder(out)
     open_bank(find_study(STUDY).domain)
     tasks = [
         Task(method, number, seed, n_queries) for number, method in product(range(1, n_people + 1), methods)
@@ -221,13 +221,6 @@ def _summary(curves: dict[str, Curve], walks: list[Walk]) -> dict[str, Any]:
 def _first(is_reached: np.ndarray) -> int | None:
     """Returns the first number of answers after which it is, or None."""
     return int(is_reached.argmax()) if is_reached.any() else None
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise BenchError(f"Can't make the folder {folder}: {error.strerror}. Name a new one.") from error
 
 
 def _write(folder: Path, result: dict[str, Any], curves: Curves) -> None:

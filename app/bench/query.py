@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.progress import Progress
 
-from app.bench import plain
+from app.bench import information_gain, plain
 from app.bench.report import BenchError, provenance, spread
 from app.continuation import clip_digests, continue_session
 from app.services.continuation import Request
@@ -45,7 +45,8 @@ def run(
 
     Returns:
         `ratio_to_plain`, how many times longer the plain way takes (medians); `milliseconds` by part, ours and plain;
-        `agreement` of the two ways' results; and where it was measured.
+        `agreement` of the two ways' results; `information_gain`, the search for the most informative pair beside
+        APReL's; and where it was measured.
 
     Raises:
         BenchError: Fewer than one person, or more plain repetitions than people.
@@ -72,6 +73,7 @@ def run(
         "repetitions": {"ours": n_people, "plain": n_plain},
         "answers": n_answers,
         "agreement": _agreement(study, posteriors, theirs),
+        "information_gain": information_gain.compare(seed, progress, n_plain, n_answers),
         **provenance(seed),
     }
 

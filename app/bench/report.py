@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from app.errors import AppError
+from app.process import n_cores
 
 _PACKAGES = (
     "prefstudy",
@@ -41,11 +41,24 @@ def percentile(values: Sequence[float], level: float) -> float:
     return figures(np.percentile(values, level))
 
 
-def provenance(seed: int) -> dict[str, Any]:
-    """Returns where and with what a measurement was taken."""
+def make_folder(path: Path) -> None:
+    """Makes the folder that pictures go to.
+
+    Raises:
+        BenchError: It exists, or can't be made.
+    """
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise BenchError(f"Can't make the folder {path}: {error.strerror}. Name a new one.") from error
+
+
+def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
+    """Returns where and with what a measurement was taken; `packages` had a part in it beside the usual ones."""
+    names = (*_PACKAGES, *packages)
     return {
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES},
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in names},
+        "cores": n_cores(),
         "cpu": _cpu_name(),
         "seed": seed,
     }

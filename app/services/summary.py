@@ -42,10 +42,10 @@ def _queries(state: SessionState) -> list[Json]:
 
 
 def test_accuracy(state: SessionState, weights: list[float]) -> float | None:
-    """Returns the share of test answers that w predicts, or None without test answers."""
+    """Returns the share of test answers that w predicts, of those that prefer one; None without any."""
     hits = [
         float(prepared.proposed.query.feature_diff @ weights) * given.choice.sign > 0.0
         for prepared, given in zip(state.prepared, state.answers, strict=False)
-        if prepared.phase is Phase.TEST
+        if prepared.phase is Phase.TEST and given.choice.sign != 0.0
     ]
     return sum(hits) / len(hits) if hits else None
