@@ -32,6 +32,16 @@ def overflow(page: Page) -> tuple[int, int]:
     return across, down
 
 
+def test_a_wide_window_names_the_keys_and_a_narrow_one_has_no_room_for_them(
+    server: ServerProcess, open_page: OpenPage
+) -> None:
+    page = open_page(viewport={"width": 1100, "height": 620})
+    join(page, server).sees_question(1)
+    expect(page.locator(".keys")).to_be_visible()
+    page.set_viewport_size({"width": 640, "height": 420})
+    expect(page.locator(".keys")).to_be_hidden()
+
+
 @pytest.mark.parametrize("size", PHONES.values(), ids=PHONES)
 def test_a_phone_held_upright_shows_the_sides_next_to_each_other_and_takes_touches(
     server: ServerProcess, open_page: OpenPage, size: tuple[int, int]
