@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from study_core.domains.driving import looks
+from study_core.domains.driving.cars import HUMAN_CAR, ROBOT_CAR
+from study_core.domains.driving.ground import BACKGROUND, ground
 from study_core.scene import Bounds, Scene, Track
 
 N_FRAMES = 51
@@ -18,8 +19,8 @@ def drive(sway: float = 0.2, length: float = 4.2, yaw_rad: float = 0.4) -> Scene
     robot = np.column_stack([sway * np.sin(np.pi * share), -0.3 + length * share, nothing])
     human = np.column_stack([nothing + 0.17, 2.2 * share, nothing])
     tracks = (
-        Track(looks.ROBOT_CAR, robot, yaw_rad * np.sin(7 * share)),
-        Track(looks.HUMAN_CAR, human, nothing),
+        Track(ROBOT_CAR, robot, yaw_rad * np.sin(7 * share)),
+        Track(HUMAN_CAR, human, nothing),
     )
     x = np.concatenate([robot[:, 0], human[:, 0]])
     y = np.concatenate([robot[:, 1], human[:, 1]])
@@ -29,4 +30,4 @@ def drive(sway: float = 0.2, length: float = 4.2, yaw_rad: float = 0.4) -> Scene
         float(y.min()) - 0.14,
         float(y.max()) + 0.14,
     )
-    return Scene(tracks, looks.ground(bounds), DT_S, bounds, looks.BACKGROUND)
+    return Scene(tracks, ground(bounds), DT_S, bounds, BACKGROUND)

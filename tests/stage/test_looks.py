@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from study_core.domains.driving import looks
+from study_core.domains.driving.cars import HUMAN_CAR, ROBOT_CAR
+from study_core.domains.driving.ground import ground
 from study_core.scene import Body, Bounds, Mesh
 
-CARS = [looks.ROBOT_CAR, looks.HUMAN_CAR]
+CARS = [ROBOT_CAR, HUMAN_CAR]
 
 
 def points(body: Body) -> np.ndarray:
@@ -52,7 +53,7 @@ def test_both_cars_are_small_on_the_wire() -> None:
     assert sum(mesh.triangles.size * 3 * 4 for car in CARS for mesh in car.meshes) < 25_000
 
 
-@pytest.mark.parametrize("mesh", looks.ground(Bounds(-0.3, 0.3, -0.4, 4.3)), ids=lambda mesh: mesh.colour)
+@pytest.mark.parametrize("mesh", ground(Bounds(-0.3, 0.3, -0.4, 4.3)), ids=lambda mesh: mesh.colour)
 def test_everything_on_the_ground_faces_up(mesh: Mesh) -> None:
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -60,10 +61,10 @@ def test_everything_on_the_ground_faces_up(mesh: Mesh) -> None:
 
 
 def test_usual_drives_stand_on_the_same_ground_object() -> None:
-    assert looks.ground(Bounds(-0.3, 0.3, -0.4, 4.3)) is looks.ground(Bounds(-0.5, 0.9, -0.9, 2.3))
+    assert ground(Bounds(-0.3, 0.3, -0.4, 4.3)) is ground(Bounds(-0.5, 0.9, -0.9, 2.3))
 
 
 def test_what_grows_beside_the_road_does_not_depend_on_the_bounds() -> None:
-    near, far = (looks.ground(Bounds(-0.3, 0.3, -0.4, y_max))[2] for y_max in (4.0, 40.0))
+    near, far = (ground(Bounds(-0.3, 0.3, -0.4, y_max))[2] for y_max in (4.0, 40.0))
     tufts = {tuple(corner) for corner in np.round(near.vertices, 9)}
     assert tufts <= {tuple(corner) for corner in np.round(far.vertices, 9)}

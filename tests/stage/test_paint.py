@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from app.stage import paint
-from study_core.domains.driving import looks
+from study_core.domains.driving.cars import HUMAN_CAR, ROBOT_CAR
+from study_core.domains.driving.ground import BACKGROUND, ground
 from study_core.scene import Bounds, Mesh
 
 
@@ -27,14 +28,9 @@ def on_screen(light: np.ndarray) -> np.ndarray:
 
 
 COLOURS = sorted(
-    {
-        mesh.colour
-        for body in (looks.ROBOT_CAR, looks.HUMAN_CAR)
-        for mesh in body.meshes
-        if len(mesh.colour) == 7
-    }
-    | {mesh.colour for mesh in looks.ground(Bounds(-0.3, 0.3, -0.4, 4.3))}
-    | {looks.BACKGROUND, "#808080", "#ffffff", "#000000"}
+    {mesh.colour for body in (ROBOT_CAR, HUMAN_CAR) for mesh in body.meshes if len(mesh.colour) == 7}
+    | {mesh.colour for mesh in ground(Bounds(-0.3, 0.3, -0.4, 4.3))}
+    | {BACKGROUND, "#808080", "#ffffff", "#000000"}
 )
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from study_core.distinctness import distinct_rows, visible_difference, visible_paths
 from study_core.domains.driving import DRIVING_V1
-from study_core.domains.driving.looks import ROBOT_CAR
+from study_core.domains.driving.cars import ROBOT_CAR
 from study_core.errors import DomainError
 from study_core.scene import Track
 from tests.study_core import references

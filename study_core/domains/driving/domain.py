@@ -30,8 +30,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from study_core.domains.driving import features, kernels, looks
+from study_core.domains.driving import features, kernels
+from study_core.domains.driving.cars import HUMAN_CAR, ROBOT_CAR
 from study_core.domains.driving.dynamics import DT_S, HUMAN_PATH, N_BLOCKS, ROBOT_START, simulate
+from study_core.domains.driving.ground import BACKGROUND, ground
 from study_core.scene import Body, Bounds, Scene, Track
 
 
@@ -68,9 +70,9 @@ class Driving:
     def scene(self, controls: Float[np.ndarray, " 10"]) -> Scene:
         """Returns both cars on the road, from the start on."""
         robot_path = simulate(ROBOT_START, controls[None])[0]
-        tracks = (_track(looks.ROBOT_CAR, robot_path), _track(looks.HUMAN_CAR, HUMAN_PATH))
+        tracks = (_track(ROBOT_CAR, robot_path), _track(HUMAN_CAR, HUMAN_PATH))
         bounds = _bounds(robot_path).union(_bounds(HUMAN_PATH)).union(_ROAD)
-        return Scene(tracks, looks.ground(bounds), DT_S, bounds, looks.BACKGROUND)
+        return Scene(tracks, ground(bounds), DT_S, bounds, BACKGROUND)
 
 
 # Half a car's diagonal: whatever its heading, it stays in the picture.
