@@ -31,8 +31,3 @@ def find_study(name_or_path: str) -> Study:
             )
         path = STUDIES / f"{name_or_path}.toml"
     return read_study(path)
-
-
-def study_text_named(name: str) -> str:
-    """Returns the text of a study that ships."""
-    return find_study(name).text

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import FrameType
@@ -16,8 +17,9 @@ from urllib.parse import urlsplit
 
 import uvicorn
 
-from app.continuation import continue_session, test_set
-from app.engine import DaskEngine, InlineEngine, OnDemandEngine
+from app.continuation import continue_session, test_set, warm_up
+from app.engine.dask_engine import DaskEngine
+from app.engine.on_demand import InlineEngine, OnDemandEngine
 from app.errors import AppError
 from app.services import study as services
 from app.services.continuation import Engine
@@ -77,7 +79,7 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         listener = stack.enter_context(_listen(settings.host, settings.port))
         stack.enter_context(serve_lock(settings.database))
         store = stack.enter_context(open_store(settings.database))
-        engine = DaskEngine(settings.n_workers, settings.scheduler)
+        engine = DaskEngine(settings.n_workers, settings.scheduler, partial(warm_up, settings.study.text))
         stack.callback(engine.close)
         parts = _parts(settings, Runtime(store, engine, continue_session, test_set))
         parts.runtime.open_study(settings.study)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
-from app.engine import DaskEngine, InlineEngine
+from app.engine.dask_engine import DaskEngine
+from app.engine.on_demand import InlineEngine
 
 _PATIENCE_S = 120.0
+_INTERVAL_S = 0.25
 
 
 @pytest.fixture(scope="module")
 def engine() -> Iterator[DaskEngine]:
-    started = DaskEngine(n_workers=1)
+    started = DaskEngine(n_workers=1, warm_up=partial(sys.setswitchinterval, _INTERVAL_S))
     yield started
     started.close()
 
@@ -74,3 +78,10 @@ def test_a_killed_process_is_replaced_and_its_work_done(engine: DaskEngine, vict
     after = engine.submit(f"after {victim}", abs, -4, urgency=0.0)
     assert [each.result(_PATIENCE_S) for each in computations] == [None, None]
     assert after.result(_PATIENCE_S) == 4
+
+
+def test_every_worker_is_warmed_up_before_it_takes_work(engine: DaskEngine) -> None:
+    asked = "__import__('sys').getswitchinterval()"
+    assert engine.submit("in the worker", eval, asked, urgency=0.0).result(_PATIENCE_S) == _INTERVAL_S
+    os.kill(engine.process_ids["worker"][0], signal.SIGKILL)
+    assert engine.submit("in the next", eval, asked, urgency=0.0).result(_PATIENCE_S) == _INTERVAL_S

@@ -1,4 +1,4 @@
-"""Preloaded by every process of the engine: it dies with its parent, and a worker is warm before it takes work."""
+"""Preloaded by every process of the engine: it dies with its parent, and a worker lets the web server go first."""
 
 from __future__ import annotations
 
@@ -16,17 +16,9 @@ def dask_setup(server: Any) -> None:
     threading.Thread(target=_exit_with_parent, name="exit-with-parent", daemon=True).start()
     if type(server).__name__ == "Worker":
         os.nice(_WORKER_NICENESS)
-        _compile_kernels()
 
 
 def _exit_with_parent() -> None:
     """Waits for the end of standard input, which the parent holds open: it comes even if the parent is killed."""
     sys.stdin.buffer.read()
     os._exit(1)
-
-
-def _compile_kernels() -> None:
-    from app.continuation import warm_up  # after the niceness: the first import compiles
-    from app.settings import study_text_named
-
-    warm_up(study_text_named("quickstart"))
