@@ -27,8 +27,9 @@ class SimulatedPerson:
 
     def choose(self, rng: np.random.Generator, query: Query) -> Choice:
         """Returns an answer, drawn from the response model."""
-        reward_diff = np.array(query.feature_diff @ self.weights)
-        return Choice.A if rng.random() < self.response.probability_of_a(reward_diff) else Choice.B
+        reward_diff = np.array([query.feature_diff @ self.weights])
+        likely_a = self.response.parameters(1).probability_of(Choice.A, reward_diff)[0]
+        return Choice.A if rng.random() < likely_a else Choice.B
 
 
 def draw_person(seed: int, number: int, prior: Prior, response: ResponseModel) -> SimulatedPerson:

@@ -10,6 +10,7 @@ import numpy as np
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord
+from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.posterior.run import Posterior
 from study_core.session import Action, Event, Phase, next_action, phase_of
@@ -150,9 +151,20 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
         "ess_bulk": _finite(diagnostics.ess_bulk),
         "ess_tail": _finite(diagnostics.ess_tail),
         "acceptance": diagnostics.acceptance,
+        "n_draws": diagnostics.n_draws,
         "has_converged": diagnostics.has_converged,
+        "warning": diagnostics.warning,
+        **_spread(posterior.parameters),
     }
     return PosteriorRecord(query_index, posterior.mean, posterior.samples, summary)
+
+
+def _spread(parameters: ResponseParameters) -> dict[str, dict[str, float]]:
+    """Returns mean and standard deviation of each response parameter; a fixed one has 0 for the latter."""
+    columns = {name: getattr(parameters, name) for name in PARAMETER_PRIORS}
+    return {
+        name: {"mean": float(column.mean()), "sd": float(column.std())} for name, column in columns.items()
+    }
 
 
 def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
@@ -183,5 +195,5 @@ def _submit(runtime: Runtime, request: Request, urgency: float) -> Computation:
 
 
 def _finite(values: np.ndarray) -> list[float | None]:
-    """Returns numbers as JSON knows them; what isn't finite (a weight that never moved) is null."""
+    """Returns numbers as JSON knows them; what isn't finite (a quantity that never moved) is null."""
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -36,7 +36,11 @@ def test_the_plain_log_likelihood_is_that_of_the_response_model(study, compariso
         plain.log_likelihood(row, comparisons.preferred_diffs.tolist(), study.response.rationality)
         for row in weights
     ]
-    np.testing.assert_allclose(theirs, study.response.log_likelihood(weights, comparisons), rtol=1e-12)
+    np.testing.assert_allclose(
+        theirs,
+        study.response.log_likelihood(weights, study.response.parameters(len(weights)), comparisons),
+        rtol=1e-12,
+    )
 
 
 def test_the_plain_prior_is_the_positive_part_of_the_unit_ball():
@@ -47,7 +51,11 @@ def test_the_plain_prior_is_the_positive_part_of_the_unit_ball():
 
 def test_the_plain_pair_is_the_heuristics_first(study, comparisons):
     posterior = infer(
-        np.random.default_rng(3), study.prior, study.response, comparisons, SamplerSettings(2, 200, 200, 40)
+        np.random.default_rng(3),
+        study.prior,
+        study.response,
+        comparisons,
+        SamplerSettings(2, 200, 200, 200, 40),
     )
     ranked = heuristic.rank_pairs(np.random.default_rng(4), posterior, 0.1, 1)
     pair = plain.best_pair(posterior.samples.tolist(), posterior.log_likelihoods.tolist(), 0.1)

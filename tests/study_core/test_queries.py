@@ -22,7 +22,7 @@ from study_core.trajectory import VERSION as OPTIMISER_VERSION
 from tests.study_core import references
 
 STUDY = parse_study(references.study_text())
-NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
+NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
 def some_answers(n):

@@ -9,7 +9,7 @@ from study_core.choice import ResponseParameters
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
-NONE = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3)
+NONE = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3, 4000)
 
 
 def posterior_of(n):
