@@ -26,11 +26,13 @@ check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but 
 	$(PYTEST) -m "not slow and not browser"
 	$(BIN)/pytest -m "browser and not slow" # one at a time: a browser that draws in software needs a core of its own
 
-check-slow: .venv/dev.stamp chromium ## The slow tests: calibration, kills, whole sessions
+check-slow: .venv/bench.stamp chromium ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
 
-bench: .venv/dev.stamp ## Measure the next query and the server; prints JSON
+bench: .venv/bench.stamp ## Measure queries, drives, posterior and server beside their alternatives; prints JSON
 	$(BIN)/prefstudy bench query --json
+	$(BIN)/prefstudy bench trajectories --json
+	$(BIN)/prefstudy bench posterior --json
 	$(BIN)/prefstudy bench serve --json
 
 format: .venv/dev.stamp ## Format, and mend what the linter can mend
@@ -64,3 +66,8 @@ $(BIN)/pip:
 	@echo "Installing into .venv; the first time takes some minutes."
 	$(PIP_INSTALL) --editable '.[dev]'
 	touch .venv/runtime.stamp $@
+
+.venv/bench.stamp: pyproject.toml constraints.txt | $(BIN)/pip
+	@echo "Installing into .venv; the first time takes some minutes."
+	$(PIP_INSTALL) --editable '.[dev,bench]'
+	touch .venv/runtime.stamp .venv/dev.stamp $@

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 import app.process  # noqa: F401  - before numpy
 from app import log
 from app.errors import AppError
+from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
 from study_core.errors import StudyCoreError
+from study_core.study import Study
 
 cli = typer.Typer(
     name="prefstudy",
@@ -45,12 +47,12 @@ DatabaseOption = Annotated[
     ),
 ]
 
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random in it.")]
-
-
-class OutputError(AppError):
-    """An output file that can't be written."""
 
 
 @cli.command()
@@ -64,12 +66,7 @@ def serve(
     workers: Annotated[
         int, typer.Option(envvar="PREFSTUDY_WORKERS", min=1, help="Processes that compute queries.")
     ] = 2,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."
-        ),
-    ] = None,
+    scheduler: SchedulerOption = None,
     public_url: Annotated[
         str | None,
         typer.Option(
@@ -82,6 +79,7 @@ def serve(
 
     log.configure("WARNING")
     settings = wiring.ServeSettings(find_study(study), database, host, port, workers, scheduler, public_url)
+    _open_bank(settings.study)
     console.print(f"Starting [bold]{settings.study.name}[/] (compiling kernels on the first run) ...")
     wiring.serve(settings, lambda link: print(f"Participants open: {link}", flush=True))
 
@@ -105,6 +103,7 @@ def replay(
     log.configure("WARNING")
     with wiring.headless() as runtime:
         for script in read_scripts(path):
+            _open_bank(script.study)
             summary = replay_script(runtime, script)
             _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")
 
@@ -116,22 +115,64 @@ def simulate(
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the people: who they are and how they answer.")
     ] = 0,
+    rationality: Annotated[
+        float | None, typer.Option(min=1e-9, help="Their beta; the study's own unless told.")
+    ] = None,
+    lapse_rate: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=0.999, help="Share of answers they give at random; the study's unless told."
+        ),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(min=0.0, help="Angle in radians by which their taste moves at every query (r.m.s.)."),
+    ] = 0.0,
+    side_bias: Annotated[
+        float, typer.Option(help="What is added to their log-odds of A, whatever is shown.")
+    ] = 0.0,
+    unsure_rate: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Share of queries they can't tell, where a study offers that."),
+    ] = 0.0,
     database: DatabaseOption = DEFAULT_DATABASE,
-    out: Annotated[Path | None, typer.Option(help="Write one JSON line a person to this file.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes that compute; all cores unless told. The results don't depend on it."
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Let simulated people of known weights walk a study; their sessions are kept, marked as rehearsed."""
     from app import wiring
-    from app.services.rehearsal import rehearse
+    from app.services.rehearsal import Crowd, rehearse_all
+    from app.services.table import new_table
+    from study_core.participants import Habits
 
     log.configure("WARNING")
     definition = find_study(study)
-    with wiring.headless(database) as runtime, _progress() as progress, _lines(out) as write:
+    _open_bank(definition)
+    crowd = Crowd(seed, people, Habits(drift, side_bias, unsure_rate), rationality, lapse_rate)
+    n_workers = min(workers or n_cores(), people)
+    # While one person's answer is being stored, another's next query is computed.
+    n_at_once = 1 if n_workers == 1 else 2 * n_workers
+    with ExitStack() as stack:
+        table = stack.enter_context(new_table(out)) if out else None
+        runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
+        progress = stack.enter_context(_progress())
         task = progress.add_task(definition.name, total=people * definition.protocol.n_queries)
-        for number in range(1, people + 1):
-            summary = rehearse(runtime, definition, seed, number, lambda: progress.advance(task))
-            write(json.dumps(summary))
-            _print_summary(summary, json_, f"alignment {summary['alignment']:.3f}")
+        rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
+        for rehearsal in stack.enter_context(closing(rehearsals)):
+            if table is not None:
+                for row in rehearsal.rows:
+                    table.write(row)
+            headline = f"alignment {rehearsal.summary['alignment']:.3f}"
+            _print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
 
 
 @cli.command()
@@ -174,6 +215,48 @@ def bench_query(seed: SeedOption = 0, json_: JsonOption = False) -> None:
         _print_result(query.run(seed, progress), json_)
 
 
+@bench.command("posterior")
+def bench_posterior(
+    seed: SeedOption = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="A new folder for the picture of the cost of an update.")
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Effective draws per second beside other samplers; a belief update beside APReL's way."""
+    from app.bench import posterior
+
+    with _progress() as progress:
+        _print_result(posterior.run(seed, progress, out), json_)
+
+
+@bench.command("trajectories")
+def bench_trajectories(seed: SeedOption = 0, json_: JsonOption = False) -> None:
+    """Quality and time of the best drive from the bank, against ten and a thousand random starts."""
+    from app.bench import trajectories
+
+    with _progress() as progress:
+        _print_result(trajectories.run(seed, progress), json_)
+
+
+@bench.command("acquisition")
+def bench_acquisition(
+    people: Annotated[int, typer.Option(min=2, help="Simulated people, the same for every method.")] = 100,
+    queries: Annotated[int, typer.Option(min=1, help="Active queries to each of them.")] = 30,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw the picture into this new folder, with its numbers.")
+    ] = None,
+) -> None:
+    """Compare how fast the acquisition methods learn the same simulated people; about ten minutes on two cores."""
+    from app.bench import acquisition
+
+    _open_bank(find_study(acquisition.STUDY))
+    with _progress() as progress:
+        _print_result(acquisition.run(seed, progress, people, queries, out), json_)
+
+
 @bench.command("serve")
 def bench_serve(
     people: Annotated[int, typer.Option(min=1, help="People at once.")] = 50,
@@ -206,6 +289,27 @@ def bench_published(
         _print_result(published.run(seed, data, progress), json_)
 
 
+def _open_bank(study: Study) -> None:
+    """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
+    from study_core.bank import open_bank
+
+    if study.uses_bank:
+        with _progress() as progress:
+            open_bank(study.domain, _shown(progress, "bank of drives"))
+
+
+def _shown(progress: Progress, description: str) -> Callable[[int, int], None]:
+    """Returns what shows how much is done; nothing is shown before it is called."""
+    tasks: list[TaskID] = []
+
+    def show(done: int, total: int) -> None:
+        if not tasks:
+            tasks.append(progress.add_task(description, total=total))
+        progress.update(tasks[0], completed=done)
+
+    return show
+
+
 def _progress() -> Progress:
     """Returns a progress display on stderr, so that stdout holds results alone."""
     return Progress(
@@ -217,32 +321,18 @@ def _progress() -> Progress:
     )
 
 
-@contextmanager
-def _lines(path: Path | None) -> Iterator[Callable[[str], None]]:
-    """Gives a function that writes a line to the file, or nowhere."""
-    if path is None:
-        yield lambda line: None
-        return
-    try:
-        file = path.open("x", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"Can't write {path}: {error.strerror}. Name a new file.") from error
-    with file:
-        yield lambda line: print(line, file=file)
-
-
 def _print_result(result: dict[str, Any], is_json: bool) -> None:
     print(json.dumps(result) if is_json else json.dumps(result, indent=2))
 
 
-def _print_summary(summary: dict[str, Any], is_json: bool, headline: str) -> None:
-    """Prints a session: as one JSON line, or as what a person wants to see."""
+def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
+    """Prints a session: as one JSON line, or as what a person wants to see, query by query unless there are many."""
     if is_json:
         print(json.dumps(summary))
         return
     out = Console()
     out.print(f"{summary['study']}, participant {summary['participant']}: {headline}", highlight=False)
-    for row in summary["queries"]:
+    for row in summary["queries"] if has_queries else ():
         difference = [
             a - b for a, b in zip(row["query"]["features_a"], row["query"]["features_b"], strict=True)
         ]

@@ -7,6 +7,7 @@ started anew and what was pending is submitted again. Only pure functions are su
 
 from __future__ import annotations
 
+import hashlib
 import json
 import logging
 import os
@@ -15,9 +16,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,22 +47,22 @@ class EngineError(AppError):
     """The engine can't be started or reached."""
 
 
-class InlineComputation:
-    """A result that is computed in this process when it is asked for."""
+class ComputationOnDemand:
+    """A result that is computed when it is asked for."""
 
-    def __init__(self, function: Callable[..., Any], argument: object) -> None:
-        self._function, self._argument = function, argument
+    def __init__(self, compute: Callable[[], Any]) -> None:
+        self._compute = compute
         self._future: Future[Any] = Future()
 
     def done(self) -> bool:
-        """Returns True: `result` never waits for anyone else."""
+        """Returns True: whoever asks for the result is the one to compute it."""
         return True
 
     def result(self, timeout: float | None = None) -> Any:
         """Returns the result, computed on the first call."""
         if not self._future.done():
             try:
-                self._future.set_result(self._function(self._argument))
+                self._future.set_result(self._compute())
             except Exception as error:  # noqa: BLE001 - handed on to whoever asks
                 self._future.set_exception(error)
         return self._future.result(timeout)
@@ -75,24 +76,51 @@ class InlineComputation:
         return True
 
 
-class InlineEngine:
-    """Computes in this process, and only what is asked for: headless replay and simulation."""
+class _EngineOnDemand:
+    """Computes only what is asked for: for people who take no time, nothing is worth computing ahead."""
 
     def submit(
         self, key: str, function: Callable[..., Any], argument: object, urgency: float
-    ) -> InlineComputation:
+    ) -> ComputationOnDemand:
         """Returns the computation; see `app.services.continuation.Engine`."""
-        return InlineComputation(function, argument)
+        return ComputationOnDemand(lambda: self._compute(key, function, argument, urgency))
+
+    def submit_together(
+        self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
+    ) -> list[ComputationOnDemand]:
+        """Returns a computation for each argument; only those that are asked for are computed."""
+        return [self.submit(key, function, argument, urgency) for key, argument in arguments.items()]
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        raise NotImplementedError
+
+
+class InlineEngine(_EngineOnDemand):
+    """Computes in this process: headless replay and simulation."""
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        return function(argument)
+
+
+class OnDemandEngine(_EngineOnDemand):
+    """Computes on another engine: many simulated people at once."""
+
+    def __init__(self, engine: DaskEngine) -> None:
+        self._engine = engine
+
+    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+        return self._engine.submit(key, function, argument, urgency).result()
 
 
 @dataclass
 class _Pending:
     """A computation that has been submitted and not yet finished."""
 
+    key: str
     function: Callable[..., Any]
     argument: object
     urgency: float
-    future: Future[Any]
+    future: Future[Any] = field(default_factory=Future)
     remote: DaskFuture | None = None
 
 
@@ -122,28 +150,38 @@ class DaskEngine:
 
     def submit(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Future[Any]:
         """Starts computing `function(argument)`; see `app.services.continuation.Engine`."""
-        with self._lock:
-            known = self._pending.get(key)
-            if known is not None and not known.future.cancelled():
-                self._hurry(key, known, urgency)
-                return known.future
-            pending = self._pending[key] = _Pending(function, argument, urgency, Future())
-            pending.future.add_done_callback(lambda _: self._forget(key, pending))
-            try:
-                self._send(key, pending)
-            except Exception:
-                # A dead scheduler is replaced by the watcher, which sends everything pending again.
-                log.exception("a computation could not be sent")
-            return pending.future
+        return self.submit_together(function, {key: argument}, urgency)[0]
 
-    def _hurry(self, key: str, pending: _Pending, urgency: float) -> None:
-        """Sends a computation that has become urgent again: Dask can't change the priority of one it has."""
-        if urgency <= pending.urgency or pending.future.done():
-            return
-        earlier, pending.urgency = pending.remote, urgency
-        self._send(f"{key}-urgent", pending)
-        if earlier is not None:
-            earlier.release()
+    def submit_together(
+        self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
+    ) -> list[Future[Any]]:
+        """Starts computing `function` of each argument; see `app.services.continuation.Engine`."""
+        with self._lock:
+            wanted = [
+                self._known(key, urgency) or self._expect(_Pending(key, function, argument, urgency))
+                for key, argument in arguments.items()
+            ]
+            unsent = [pending for pending in wanted if pending.remote is None]
+            if unsent:
+                self._send(unsent)
+            return [pending.future for pending in wanted]
+
+    def _known(self, key: str, urgency: float) -> _Pending | None:
+        """Returns a computation that is under way; one that has become urgent is sent again, by itself."""
+        known = self._pending.get(key)
+        if known is None or known.future.cancelled():
+            return None
+        if urgency > known.urgency and not known.future.done():
+            # Dask can't change the priority of a task it has.
+            known.urgency = urgency
+            self._withdraw(known)
+            self._send([known], suffix="-urgent")
+        return known
+
+    def _expect(self, pending: _Pending) -> _Pending:
+        self._pending[pending.key] = pending
+        pending.future.add_done_callback(lambda _: self._forget(pending))
+        return pending
 
     def close(self) -> None:
         """Gives up what is pending and stops the cluster if it is ours."""
@@ -155,7 +193,7 @@ class DaskEngine:
                 pending.future.cancel()
             self._client.close(timeout=2)
             if self._cluster is not None:
-                self._cluster.stop()
+                self._cluster.close()
 
     @property
     def process_ids(self) -> dict[str, list[int]]:
@@ -193,41 +231,60 @@ class DaskEngine:
                 "No worker joined the Dask scheduler. Start one, or mend what its log says."
             ) from error
 
-    def _send(self, key: str, pending: _Pending) -> None:
-        resources = _QUERY_RESOURCE if self._cluster is not None else None
-        pending.remote = self._client.submit(
-            pending.function,
-            pending.argument,
-            key=key,
-            priority=pending.urgency,
-            resources=resources,
-            pure=False,
-        )
-        pending.remote.add_done_callback(lambda remote: self._arrived(pending, remote))
+    def _send(self, batch: list[_Pending], suffix: str = "") -> None:
+        """Sends computations as one task: its message and its result cost more than many a computation."""
+        key = batch[0].key if len(batch) == 1 else _joint_key(pending.key for pending in batch)
+        try:
+            remote = self._client.submit(
+                _compute_each,
+                batch[0].function,
+                [pending.argument for pending in batch],
+                key=key + suffix,
+                priority=batch[0].urgency,
+                resources=_QUERY_RESOURCE if self._cluster is not None else None,
+                pure=False,
+            )
+        except Exception:
+            # A dead scheduler is replaced by the watcher, which sends everything pending again.
+            log.exception("a computation could not be sent")
+            return
+        for pending in batch:
+            pending.remote = remote
+        remote.add_done_callback(lambda done: self._arrived(batch, done))
 
-    def _arrived(self, pending: _Pending, remote: DaskFuture) -> None:
-        """Hands a result on; one lost with its scheduler stays pending, to be sent again."""
-        if pending.remote is not remote or remote.status in ("cancelled", "lost"):
+    def _arrived(self, batch: list[_Pending], remote: DaskFuture) -> None:
+        """Hands results on; those lost with their scheduler stay pending, to be sent again."""
+        waiting = [pending for pending in batch if pending.remote is remote]
+        if not waiting or remote.status in ("cancelled", "lost"):
             return
         try:
-            outcome: Any = remote.result(timeout=10)
+            outcomes = dict(zip((pending.key for pending in batch), remote.result(timeout=10), strict=True))
         except Exception as error:  # noqa: BLE001 - handed on to whoever asks
-            if not self._is_lost(error) and pending.future.set_running_or_notify_cancel():
-                pending.future.set_exception(error)
+            if not self._is_lost(error):
+                for pending in waiting:
+                    if pending.future.set_running_or_notify_cancel():
+                        pending.future.set_exception(error)
             return
-        if pending.future.set_running_or_notify_cancel():
-            pending.future.set_result(outcome)
+        for pending in waiting:
+            if pending.future.set_running_or_notify_cancel():
+                pending.future.set_result(outcomes[pending.key])
 
     def _is_lost(self, error: Exception) -> bool:
         """Returns whether an error says that the cluster is gone, not that the computation failed."""
         return isinstance(error, (OSError, TimeoutError)) or type(error).__name__ == "FutureCancelledError"
 
-    def _forget(self, key: str, pending: _Pending) -> None:
+    def _forget(self, pending: _Pending) -> None:
         with self._lock:
-            if self._pending.get(key) is pending:
-                del self._pending[key]
-        if pending.remote is not None and not self._closing.is_set():
-            pending.remote.release()
+            if self._pending.get(pending.key) is pending:
+                del self._pending[pending.key]
+            self._withdraw(pending)
+
+    def _withdraw(self, pending: _Pending) -> None:
+        """Tells Dask that nobody waits for a task any more, once that is so."""
+        remote, pending.remote = pending.remote, None
+        is_shared = any(other.remote is remote for other in self._pending.values())
+        if remote is not None and not is_shared and not self._closing.is_set():
+            remote.release()
 
     def _watch(self) -> None:
         assert self._cluster is not None
@@ -249,9 +306,25 @@ class DaskEngine:
         client = self._connect()
         with self._lock:
             self._client = client
-            for key, pending in list(self._pending.items()):
-                self._send(key, pending)
+            for pending in list(self._pending.values()):
+                self._send([pending])
         old.close(timeout=1)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Waits for a process that is dead or dying, and closes our end of its standard input."""
+    process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
+def _compute_each(function: Callable[[object], Any], arguments: list[object]) -> list[Any]:
+    """Runs in a worker: one after the other, the first first."""
+    return [function(argument) for argument in arguments]
+
+
+def _joint_key(keys: Iterable[str]) -> str:
+    return f"together-{hashlib.sha256(' '.join(keys).encode()).hexdigest()}"
 
 
 class LocalProcesses:
@@ -289,18 +362,22 @@ class LocalProcesses:
         for index, worker in enumerate(self._workers):
             if worker.poll() is not None:
                 log.warning("worker %d has died; starting another", worker.pid)
+                _end(worker)
                 self._workers[index] = self._spawn_worker()
 
     def stop(self) -> None:
-        """Ends all processes."""
+        """Ends all processes; they can be started again."""
         processes = [*self._workers, *([self._scheduler] if self._scheduler else [])]
         for process in processes:
             process.kill()
         for process in processes:
-            process.wait()
-            if process.stdin is not None:
-                process.stdin.close()
+            _end(process)
         self._workers, self._scheduler = [], None
+
+    def close(self) -> None:
+        """Ends all processes for good."""
+        self.stop()
+        self._folder.cleanup()
 
     def _spawn_worker(self) -> subprocess.Popen[bytes]:
         options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", "query=1"]

@@ -8,7 +8,7 @@ import threading
 from typing import Any
 
 # Serving people comes before computing ahead for them.
-_WORKER_NICENESS = 5
+_WORKER_NICENESS = 10
 
 
 def dask_setup(server: Any) -> None:

@@ -30,3 +30,8 @@ def _cache_directory() -> Path:
 for _library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ[f"{_library}_NUM_THREADS"] = "1"
 os.environ.setdefault("NUMBA_CACHE_DIR", str(_cache_directory()))
+
+
+def n_cores() -> int:
+    """Returns how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -17,9 +17,10 @@ from urllib.parse import urlsplit
 import uvicorn
 
 from app.continuation import continue_session, test_set
-from app.engine import DaskEngine, InlineEngine
+from app.engine import DaskEngine, InlineEngine, OnDemandEngine
 from app.errors import AppError
 from app.services import study as services
+from app.services.continuation import Engine
 from app.services.runtime import Runtime
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
@@ -82,7 +83,7 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         parts.runtime.open_study(settings.study)
         link = _join_link(settings, listener)
         _favour_latency()
-        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.wake_all)
+        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.close)
         server.run(sockets=[listener])
 
 
@@ -100,16 +101,36 @@ def _favour_latency() -> None:
 
 
 @contextmanager
-def headless(database: str | None = None) -> Iterator[Runtime]:
-    """Gives the services without a server: computed in this process, in a temporary database unless one is named."""
+def headless(
+    database: str | None = None, n_workers: int = 1, scheduler: str | None = None
+) -> Iterator[Runtime]:
+    """Gives the services without a server.
+
+    Args:
+        database: URL of the database; a temporary one unless named.
+        n_workers: Worker processes of an engine of our own; with 1, everything is computed in this process.
+        scheduler: Address of a running Dask scheduler instead.
+
+    Raises:
+        StoreError: The database can't be used.
+        EngineError: The engine doesn't start.
+    """
     with ExitStack() as stack:
         if database is None:
             folder = stack.enter_context(TemporaryDirectory(prefix="prefstudy-"))
             database = f"sqlite:///{Path(folder) / 'headless.db'}"
         store = stack.enter_context(open_store(database))
-        runtime = Runtime(store, InlineEngine(), continue_session, test_set)
+        runtime = Runtime(store, _headless_engine(stack, n_workers, scheduler), continue_session, test_set)
         stack.callback(runtime.close)
         yield runtime
+
+
+def _headless_engine(stack: ExitStack, n_workers: int, scheduler: str | None) -> Engine:
+    if n_workers == 1 and scheduler is None:
+        return InlineEngine()
+    engine = DaskEngine(n_workers, scheduler)
+    stack.callback(engine.close)
+    return OnDemandEngine(engine)
 
 
 def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from study_core.distinctness import visible_paths
 from study_core.domain import Domain
 from study_core.errors import DomainError
 from study_core.scene import Mesh, Scene, Track
@@ -52,7 +53,7 @@ def check_domain(domain: object, rng: np.random.Generator) -> None:
 
     Checks attributes and shapes; that every method is finite, deterministic, leaves its inputs alone and gives a
     batch what it gives one trajectory; that the reward is w . Phi and its gradient agrees with central differences;
-    and that the scene can be drawn.
+    that the scene can be drawn; and that the bodies of any two drives can be compared.
 
     Args:
         domain: The plug-in.
@@ -71,6 +72,7 @@ def check_domain(domain: object, rng: np.random.Generator) -> None:
     # The corners of the bounds are legal too.
     for drive in (*controls, lower, upper):
         _check_scene(checked, drive)
+    visible_paths(checked, controls)
 
 
 def _check_attributes(domain: object) -> Domain:

@@ -24,6 +24,10 @@ class DomainError(StudyCoreError):
     """A domain plug-in breaks its contract."""
 
 
+class BankError(StudyCoreError):
+    """A bank of optimised trajectories that can't be built, or is another domain's."""
+
+
 class StudyError(StudyCoreError):
     """A study file that can't be used; the message names the key and what was expected."""
 

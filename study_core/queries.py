@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from study_core import trajectory
+from study_core import lbfgs, trajectory
 from study_core.acquisition import acquisition_named
-from study_core.acquisition.pairs import RankedPairs
+from study_core.acquisition.pairs import RankedPairs, RankedTrajectories, RankedWeights, Situation
 from study_core.comparison import ComparisonSet, Query
+from study_core.distinctness import visible_difference, visible_paths
 from study_core.domain import Domain
 from study_core.posterior import metropolis
 from study_core.posterior.run import Posterior, infer
@@ -20,10 +22,10 @@ from study_core.study import Study
 Participant = int | str
 """Names a session's random streams: the participant's ordinal, or the label of a rehearsal."""
 
-# Controls closer than this, in units of their bounds, are one trajectory: nobody could tell the two apart.
+# Controls closer than this, in units of their bounds, are one trajectory, whatever a study's own bound is.
 SAME_CONTROLS = 1e-6
 
-# How many of the best pairs are turned into trajectories, at most, until two differ.
+# How many pairs of a ranking are tried, at most, until two trajectories look different.
 _MOST_PAIRS_TRIED = 10
 
 
@@ -35,15 +37,18 @@ class Provenance:
         study_hash: Of the study file.
         seed: The study's.
         stream: Names of the random streams, after the purpose.
-        method: Acquisition method, or `test-set`.
-        versions: Ids of domain, sampler and optimiser.
-        weights_a: The w that trajectory A is best for.
-        weights_b: The w that trajectory B is best for.
+        method: Acquisition method; `test-set`; or `prior` where no pair that the method tried looked different, and
+            random weights from the prior took their place.
+        versions: Ids of domain, sampler, optimiser and, for an active query, acquisition method.
+        bank_digest: SHA-256 of the bank of local optima, if the study uses one.
+        weights_a: The w that trajectory A is best for, locally at least; None if the method optimises something else.
+        weights_b: The same of trajectory B.
         score: Acquisition value of the pair.
         runner_up_score: Acquisition value of the next best pair, if there is one.
-        pairs_tried: How many pairs had equal controls before this one, plus one.
+        pairs_tried: How many pairs looked alike before this one, plus one.
         has_converged: Whether the optimiser met its tolerance, for A and for B.
-        are_distinct: Whether A and B differ; if not, every pair tried had equal controls.
+        are_distinct: Whether A and B differ, by the study's bound; if not, no pair tried did, and these differ most.
+        visible_difference: How far apart A and B look, in body lengths; None in sessions kept before it was recorded.
     """
 
     study_hash: str
@@ -51,13 +56,15 @@ class Provenance:
     stream: tuple[str | int, ...]
     method: str
     versions: tuple[str, ...]
-    weights_a: Float[np.ndarray, " n_features"]
-    weights_b: Float[np.ndarray, " n_features"]
+    bank_digest: str | None
+    weights_a: Float[np.ndarray, " n_features"] | None
+    weights_b: Float[np.ndarray, " n_features"] | None
     score: float
     runner_up_score: float | None
     pairs_tried: int
     has_converged: tuple[bool, bool]
     are_distinct: bool
+    visible_difference: float | None
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,27 @@ class ProposedQuery:
 
     query: Query
     provenance: Provenance
+
+
+@dataclass(frozen=True)
+class _Ranking:
+    """Pairs to try in turn, and what to call where they come from."""
+
+    method: str
+    pairs: RankedPairs
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A pair turned into trajectories, A first, and whether it can be shown."""
+
+    ranking: _Ranking
+    rank: int
+    controls: Float[np.ndarray, "2 n_controls"]
+    weights: Float[np.ndarray, "2 n_features"] | None
+    has_converged: tuple[bool, bool]
+    difference: float
+    is_distinct: bool
 
 
 def infer_posterior(study: Study, participant: Participant, comparisons: ComparisonSet) -> Posterior:
@@ -87,10 +115,13 @@ def propose_active_query(
     """
     names = (participant, query_index)
     section = study.file.acquisition
-    ranked = acquisition_named(section.method)(
-        stream(study.seed, "acquisition", *names), posterior, section.mu, _MOST_PAIRS_TRIED + 1
-    )
-    return _first_distinct(study, names, section.method, posterior.samples, ranked)
+    method = acquisition_named(section.method)
+    situation = Situation(study.domain, posterior, study.bank, section.mu, section.min_difference)
+    rng = stream(study.seed, "acquisition", *names)
+    ranked = method.rank_pairs(rng, situation, _MOST_PAIRS_TRIED + 1)
+    last_resort = _random_weights(study, stream(study.seed, "last-resort", *names))
+    rankings = (_Ranking(section.method, ranked), _Ranking("prior", last_resort))
+    return _first_distinct(study, names, (method.version,), rankings)
 
 
 def propose_test_set(study: Study) -> tuple[ProposedQuery, ...]:
@@ -99,47 +130,86 @@ def propose_test_set(study: Study) -> tuple[ProposedQuery, ...]:
 
 
 def _propose_test_query(study: Study, index: int) -> ProposedQuery:
-    names = ("test-set", index)
-    weights = study.prior.draw(stream(study.seed, "test-weights", index), 2 * _MOST_PAIRS_TRIED)
-    pairs = np.arange(len(weights)).reshape(-1, 2)
-    return _first_distinct(study, names, "test-set", weights, RankedPairs(pairs, np.zeros(len(pairs))))
+    pairs = _random_weights(study, stream(study.seed, "test-weights", index))
+    return _first_distinct(study, ("test-set", index), (), (_Ranking("test-set", pairs),))
+
+
+def _random_weights(study: Study, rng: np.random.Generator) -> RankedWeights:
+    """Returns random pairs of w from the prior, none better than another."""
+    weights = study.prior.draw(rng, 2 * _MOST_PAIRS_TRIED)
+    return RankedWeights(weights.reshape(_MOST_PAIRS_TRIED, 2, -1), np.zeros(_MOST_PAIRS_TRIED))
 
 
 def _first_distinct(
     study: Study,
     names: tuple[str | int, ...],
-    method: str,
-    weights: Float[np.ndarray, "n_weights n_features"],
-    ranked: RankedPairs,
+    method_versions: tuple[str, ...],
+    rankings: tuple[_Ranking, ...],
 ) -> ProposedQuery:
-    """Returns the best pair whose trajectories differ, or the last one tried if none do."""
-    rng = stream(study.seed, "trajectory", *names)
+    """Returns the first pair whose trajectories look different, or of all tried the most different if none do."""
     # Which of the two is called A is drawn, so that the order of the samples favours nobody.
     is_swapped = bool(stream(study.seed, "order", *names).integers(2))
-    tries = range(min(_MOST_PAIRS_TRIED, len(ranked.indices)))
-    for rank in tries:
-        pair = ranked.indices[rank][::-1] if is_swapped else ranked.indices[rank]
-        best = trajectory.best_trajectories(rng, study.domain, weights[pair], study.file.trajectory.starts)
-        are_distinct = _differ(study.domain, best.controls)
-        if are_distinct or rank == tries[-1]:
+    rng = stream(study.seed, "trajectory", *names)
+    attempts: list[_Attempt] = []
+    for ranking, rank in _tries(rankings):
+        attempts.append(_attempt(study, rng, ranking, rank, is_swapped))
+        if attempts[-1].is_distinct:
             break
-    runner_up = float(ranked.scores[rank + 1]) if rank + 1 < len(ranked.scores) else None
-    converged_a, converged_b = (bool(flag) for flag in best.has_converged)
+    shown = attempts[-1] if attempts[-1].is_distinct else max(attempts, key=lambda one: one.difference)
+    scores = shown.ranking.pairs.scores
     provenance = Provenance(
         study_hash=study.hash,
         seed=study.seed,
         stream=names,
-        method=method,
-        versions=(study.domain.id, metropolis.VERSION, trajectory.VERSION),
-        weights_a=weights[pair[0]],
-        weights_b=weights[pair[1]],
-        score=float(ranked.scores[rank]),
-        runner_up_score=runner_up,
-        pairs_tried=rank + 1,
-        has_converged=(converged_a, converged_b),
-        are_distinct=are_distinct,
+        method=shown.ranking.method,
+        versions=(study.domain.id, metropolis.VERSION, lbfgs.VERSION, *method_versions),
+        bank_digest=None if study.bank is None else study.bank.digest,
+        weights_a=None if shown.weights is None else shown.weights[0],
+        weights_b=None if shown.weights is None else shown.weights[1],
+        score=float(scores[shown.rank]),
+        runner_up_score=float(scores[shown.rank + 1]) if shown.rank + 1 < len(scores) else None,
+        pairs_tried=len(attempts),
+        has_converged=shown.has_converged,
+        are_distinct=shown.is_distinct,
+        visible_difference=shown.difference,
     )
-    return ProposedQuery(_query(study.domain, best.controls), provenance)
+    return ProposedQuery(_query(study.domain, shown.controls), provenance)
+
+
+def _tries(rankings: tuple[_Ranking, ...]) -> Iterator[tuple[_Ranking, int]]:
+    """Gives the ranks to try of each ranking, best first."""
+    for ranking in rankings:
+        for rank in range(min(_MOST_PAIRS_TRIED, len(ranking.pairs))):
+            yield ranking, rank
+
+
+def _attempt(
+    study: Study, rng: np.random.Generator, ranking: _Ranking, rank: int, is_swapped: bool
+) -> _Attempt:
+    """Returns the trajectories of a pair, searched for if the method ranked weights."""
+    pairs, order = ranking.pairs, [1, 0] if is_swapped else [0, 1]
+    weights = None if pairs.weights is None else pairs.weights[rank][order]
+    if isinstance(pairs, RankedTrajectories):
+        controls = pairs.controls[rank][order]
+        has_converged = (bool(pairs.has_converged[rank]),) * 2
+    else:
+        best = _best_trajectories(study, rng, pairs.weights[rank][order])
+        controls = best.controls
+        has_converged = (bool(best.has_converged[0]), bool(best.has_converged[1]))
+    paths = visible_paths(study.domain, controls)
+    difference = float(visible_difference(paths[:1], paths[1:])[0])
+    is_distinct = _differ(study.domain, controls) and difference >= study.file.acquisition.min_difference
+    return _Attempt(ranking, rank, controls, weights, has_converged, difference, is_distinct)
+
+
+def _best_trajectories(
+    study: Study, rng: np.random.Generator, weights: Float[np.ndarray, "2 n_features"]
+) -> trajectory.BestTrajectories:
+    section = study.file.trajectory
+    if section.starts is None:
+        assert study.bank is not None, "a study that searches from a bank has one"
+        return trajectory.best_from_bank(study.domain, study.bank, weights)
+    return trajectory.best_trajectories(rng, study.domain, weights, section.starts)
 
 
 def _differ(domain: Domain, controls: Float[np.ndarray, "2 n_controls"]) -> bool:

@@ -22,6 +22,10 @@ KINDS: dict[type[Event], str] = {
 }
 
 
+# What the first sessions ever kept don't say about their queries.
+_UNRECORDED_IN_0_1: Json = {"bank_digest": None, "visible_difference": None}
+
+
 def kind_of(event: Event) -> str:
     """Returns the name under which an event is stored."""
     return KINDS[type(event)]
@@ -105,7 +109,11 @@ def query_from_json(content: Json) -> Query:
 
 def provenance_from_json(content: Json) -> Provenance:
     """Returns a query's provenance from its JSON values."""
-    arrays = {key: np.array(content[key], dtype=np.float64) for key in ("weights_a", "weights_b")}
+    content = {**_UNRECORDED_IN_0_1, **content}
+    weights = {key: content[key] for key in ("weights_a", "weights_b")}
+    arrays = {
+        key: None if value is None else np.array(value, dtype=np.float64) for key, value in weights.items()
+    }
     tuples = {key: tuple(content[key]) for key in ("stream", "versions", "has_converged")}
     return Provenance(**{**content, **arrays, **tuples})
 

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from study_core.acquisition import acquisition_named
+from study_core.bank import Bank, open_bank
 from study_core.choice import ResponseModel
 from study_core.comparison import Choice
 from study_core.domain import Domain, domain_named
@@ -169,12 +170,26 @@ class AcquisitionSection(_Section):
 
     method: str
     mu: float = Field(0.1, ge=0, description="Weight of the distance between the two samples.")
+    min_difference: float = Field(
+        0.0, ge=0, description="How far apart the two trajectories must look, in body lengths."
+    )
 
 
 class TrajectorySection(_Section):
     """How the best trajectory for a reward is found."""
 
-    starts: int = Field(ge=1, le=1000, description="Random starts of L-BFGS for each trajectory.")
+    search: Literal["starts", "bank"] = Field(
+        "starts", description="From random starts, as in the paper, or from a bank of local optima."
+    )
+    starts: int | None = Field(
+        None, ge=1, le=1000, description="Random starts of L-BFGS for each trajectory."
+    )
+
+    @model_validator(mode="after")
+    def _starts_belong_to_random_starts(self) -> TrajectorySection:
+        if (self.starts is None) == (self.search == "starts"):
+            raise ValueError('starts must be given with search = "starts", and only then')
+        return self
 
 
 class StudyFile(_Section):
@@ -224,6 +239,17 @@ class Study:
     def domain(self) -> Domain:
         """Returns the domain plug-in."""
         return domain_named(self.file.domain)
+
+    @property
+    def uses_bank(self) -> bool:
+        """Returns whether its method or its search needs the domain's bank of local optima."""
+        method = acquisition_named(self.file.acquisition.method)
+        return method.needs_bank or self.file.trajectory.search == "bank"
+
+    @cached_property
+    def bank(self) -> Bank | None:
+        """Returns the domain's bank, built on the machine's first use, or None if the study has no use for one."""
+        return open_bank(self.domain) if self.uses_bank else None
 
     @cached_property
     def response(self) -> ResponseModel:

@@ -1,9 +1,7 @@
-"""The best trajectory for a reward: bounded L-BFGS from many starts, all of them one batch.
+"""The best trajectory for a reward: L-BFGS from random starts, or from the best drives of a bank.
 
-Each row of the batch is an independent minimisation of -R within the controls' bounds: a projected quasi-Newton
-method whose direction is the two-loop recursion on the variables that are free to move, and whose step is
-backtracked along the projected path (Bertsekas 1982; Nocedal and Wright 2006, ch. 7 and 16). One evaluation of
-the domain serves all rows that are still moving.
+The reward has many local optima, so where a climb starts decides how high it ends. Random starts are the paper's way
+(Katz et al. 2021); a bank's drives have been climbed to before, for weights all around, and few of them do.
 """
 
 from __future__ import annotations
@@ -11,15 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from study_core import trajectory_kernels as kernels
+from study_core.bank import Bank
 from study_core.domain import Domain
+from study_core.errors import BankError
+from study_core.lbfgs import maximise
 
-VERSION = "projected-lbfgs-1"
-
-_MEMORY = 10
-_MAX_EVALUATIONS = 300
+# A drive and its neighbours climb the same hill; starts that look different climb several.
+_WARM_STARTS = 3
+_LEAST_DIFFERENCE = 0.25
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class BestTrajectories:
     """The best trajectory found for each weight vector.
 
     Attributes:
-        controls: Shape `(n_weights, n_controls)`.
+        controls: Within the domain's bounds, shape `(n_weights, n_controls)`.
         rewards: w . Phi of each, shape `(n_weights,)`.
         has_converged: Whether the winning start met the tolerance within the evaluations allowed.
         n_evaluations: Evaluations of the domain, of the whole batch.
@@ -53,32 +53,43 @@ def best_trajectories(
         weights: One problem a row.
         n_starts: Starts of each problem.
     """
-    n_weights, n_controls = len(weights), len(domain.control_lower)
-    starts = rng.uniform(domain.control_lower, domain.control_upper, (n_weights * n_starts, n_controls))
-    controls, rewards, has_converged, n_evaluations = maximise(
-        domain, starts, np.repeat(weights, n_starts, axis=0)
-    )
-    rows = np.arange(n_weights)
-    best = rewards.reshape(n_weights, n_starts).argmax(axis=1)
-    winners = rows * n_starts + best
-    return BestTrajectories(controls[winners], rewards[winners], has_converged[winners], n_evaluations)
+    shape = (len(weights), n_starts, len(domain.control_lower))
+    return _best_of(domain, rng.uniform(domain.control_lower, domain.control_upper, shape), weights)
 
 
-def maximise(
-    domain: Domain, starts: Float[np.ndarray, "n n_controls"], weights: Float[np.ndarray, "n n_features"]
-) -> tuple[Float[np.ndarray, "n n_controls"], Float[np.ndarray, " n"], Bool[np.ndarray, " n"], int]:
-    """Climbs from each start under its own weights.
+def best_from_bank(
+    domain: Domain, bank: Bank, weights: Float[np.ndarray, "n_weights n_features"]
+) -> BestTrajectories:
+    """Maximises w . Phi over the controls, from the bank's best drives that look different.
 
-    Returns:
-        Controls, rewards and convergence of each row, and the number of evaluations of the batch.
+    The result is at least as good as every drive of the bank, and nothing in it is random.
+
+    Args:
+        domain: Supplies rewards and gradients.
+        bank: The domain's.
+        weights: One problem a row.
+
+    Raises:
+        BankError: The bank is another domain's.
     """
-    lower, upper = domain.control_lower, domain.control_upper
-    state = kernels.initial_state(np.clip(starts, lower, upper), _MEMORY)
-    n_evaluations = 0
-    moving: Int[np.ndarray, " n_moving"] = np.arange(len(starts))
-    while len(moving) and n_evaluations < _MAX_EVALUATIONS:
-        rewards, gradients = domain.reward_and_gradient(state.trial[moving], weights[moving])
-        kernels.advance(moving, -rewards, -gradients, lower, upper, *state)
-        n_evaluations += 1
-        moving = np.flatnonzero(state.status == kernels.MOVING)
-    return state.point, -state.value, state.status == kernels.CONVERGED, n_evaluations
+    if bank.domain_id != domain.id:
+        raise BankError(
+            f"Expected a bank of '{domain.id}', got one of '{bank.domain_id}'. Open it with open_bank."
+        )
+    rows = kernels.warm_starts(bank.features, bank.paths, weights, _WARM_STARTS, _LEAST_DIFFERENCE)
+    return _best_of(domain, bank.controls[rows], weights)
+
+
+def _best_of(
+    domain: Domain,
+    starts: Float[np.ndarray, "n_weights n_starts n_controls"],
+    weights: Float[np.ndarray, "n_weights n_features"],
+) -> BestTrajectories:
+    """Climbs from all starts of each weight vector, as one batch, and keeps the highest."""
+    n_weights, n_starts, n_controls = starts.shape
+    controls, rewards, has_converged, n_evaluations = maximise(
+        domain, starts.reshape(-1, n_controls), np.repeat(weights, n_starts, axis=0)
+    )
+    best = rewards.reshape(n_weights, n_starts).argmax(axis=1)
+    winners = np.arange(n_weights) * n_starts + best
+    return BestTrajectories(controls[winners], rewards[winners], has_converged[winners], n_evaluations)

@@ -33,7 +33,7 @@ def normalised(name):
 
 def named_requirements():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    requirements = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    requirements = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
     return {normalised(re.match(r"[\w.-]+", requirement).group()) for requirement in requirements}
 
 

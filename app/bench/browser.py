@@ -1,4 +1,4 @@
-"""One participant's browser, as far as the server can tell: page, stage, long polls, answers.
+"""One participant's browser, as far as the server can tell: page, stage, screens, answers.
 
 It does what `static/js/participant.js` and viser's own client do, in the same order, and keeps the time.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import json
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -148,10 +149,15 @@ class Browser:
         await self._ask("GET", "stage/")
 
     async def follow(self) -> None:
-        """Polls for changes until the session is finished."""
-        while not self.is_finished:
-            reply = await self._ask("GET", f"screen?after={self._screen['position']}")
-            self._apply(reply.json())
+        """Takes in the screens that the server sends, until the session is finished."""
+        async with self._http.stream("GET", f"/s/{self._token}/screens") as reply:
+            if not reply.is_success:
+                raise BenchError(f"Expected GET screens to be served, got {reply.status_code}.")
+            async for line in reply.aiter_lines():
+                if line:
+                    self._apply(json.loads(line.removeprefix("data: ")))
+        if not self.is_finished:
+            raise BenchError("Expected screens until the session is finished, but the server ended them.")
 
     async def watch(self) -> None:
         """Keeps the stage's websocket open and writes down every clip."""

@@ -73,7 +73,9 @@ def next_query(rng: np.random.Generator, study: Study, comparisons: ComparisonSe
         [chain[i] for i in kept], [log_likelihoods[i] for i in kept], study.file.acquisition.mu
     )
     pair = [chain[kept[first]], chain[kept[second]]]
-    starts = rng.uniform(-1.0, 1.0, (2, study.file.trajectory.starts, 2 * _N_BLOCKS))
+    n_starts = study.file.trajectory.starts
+    assert n_starts is not None, "the paper's search is from random starts"
+    starts = rng.uniform(-1.0, 1.0, (2, n_starts, 2 * _N_BLOCKS))
     drives = [best_drive(weights, rows) for weights, rows in zip(pair, starts, strict=True)]
     driven = time.perf_counter()
     (controls_a, reward_a), (controls_b, reward_b) = drives

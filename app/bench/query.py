@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.progress import Progress
 
-from app.bench import plain
+from app.bench import information_gain, plain
 from app.bench.report import BenchError, provenance, spread
 from app.continuation import clip_digests, continue_session
 from app.services.continuation import Request
 from app.settings import find_study
-from study_core import trajectory
 from study_core.comparison import ComparisonSet
+from study_core.lbfgs import maximise
 from study_core.participants import draw_person
 from study_core.posterior.diagnostics import diagnose
 from study_core.posterior.run import Posterior
@@ -45,7 +45,8 @@ def run(
 
     Returns:
         `ratio_to_plain`, how many times longer the plain way takes (medians); `milliseconds` by part, ours and plain;
-        `agreement` of the two ways' results; and where it was measured.
+        `agreement` of the two ways' results; `information_gain`, the search for the most informative pair beside
+        APReL's; and where it was measured.
 
     Raises:
         BenchError: Fewer than one person, or more plain repetitions than people.
@@ -72,6 +73,7 @@ def run(
         "repetitions": {"ours": n_people, "plain": n_plain},
         "answers": n_answers,
         "agreement": _agreement(study, posteriors, theirs),
+        "information_gain": information_gain.compare(seed, progress, n_plain, n_answers),
         **provenance(seed),
     }
 
@@ -157,5 +159,5 @@ def _gains(study: Study, other: plain.PlainQuery) -> np.ndarray:
     n_weights, n_starts, n_controls = other.starts.shape
     starts = other.starts.reshape(-1, n_controls)
     weights = np.repeat(other.pair, n_starts, axis=0)
-    _, rewards, _, _ = trajectory.maximise(study.domain, starts, weights)
+    _, rewards, _, _ = maximise(study.domain, starts, weights)
     return np.asarray(rewards.reshape(n_weights, n_starts).max(axis=1) - np.array(other.rewards))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from app.errors import AppError
+from app.process import n_cores
 
 _PACKAGES = (
     "prefstudy",
@@ -33,25 +33,38 @@ class BenchError(AppError):
 def spread(values: Sequence[float]) -> dict[str, float]:
     """Returns the median and the range that holds the middle four fifths."""
     p10, median, p90 = np.percentile(values, [10, 50, 90])
-    return {"median": _figures(median), "p10": _figures(p10), "p90": _figures(p90)}
+    return {"median": figures(median), "p10": figures(p10), "p90": figures(p90)}
 
 
 def percentile(values: Sequence[float], level: float) -> float:
     """Returns a percentile, e.g. the 99th."""
-    return _figures(np.percentile(values, level))
+    return figures(np.percentile(values, level))
 
 
-def provenance(seed: int) -> dict[str, Any]:
-    """Returns where and with what a measurement was taken."""
+def make_folder(path: Path) -> None:
+    """Makes the folder that pictures go to.
+
+    Raises:
+        BenchError: It exists, or can't be made.
+    """
+    try:
+        path.mkdir(parents=True)
+    except OSError as error:
+        raise BenchError(f"Can't make the folder {path}: {error.strerror}. Name a new one.") from error
+
+
+def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
+    """Returns where and with what a measurement was taken; `packages` had a part in it beside the usual ones."""
+    names = (*_PACKAGES, *packages)
     return {
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES},
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in names},
+        "cores": n_cores(),
         "cpu": _cpu_name(),
         "seed": seed,
     }
 
 
-def _figures(value: float | np.floating[Any]) -> float:
+def figures(value: float | np.floating[Any]) -> float:
     """Rounds to what a stopwatch can tell."""
     return float(f"{float(value):.4g}")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -88,5 +88,20 @@ class Engine(Protocol):
             function: Importable by name in another process.
             argument: Can be pickled.
             urgency: Larger runs earlier.
+        """
+        ...
+
+    def submit_together(
+        self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
+    ) -> Sequence[Computation]:
+        """Starts computing `function` of several arguments, of which probably only one will be asked for.
+
+        Args:
+            function: Importable by name in another process.
+            arguments: By the name of their result; the first is computed first.
+            urgency: Larger runs earlier.
+
+        Returns:
+            A computation for each argument, in their order. They may all be done at once, when the last is.
         """
         ...

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Literal
 
 from app.errors import AppError
+from app.services.table import Format, Row, Table
 from app.store import EventRecord, PosteriorRecord, SessionRecord, Store
 from study_core.domain import Domain
 from study_core.study import Study, parse_study
 
-Row = dict[str, Any]
-Format = Literal["csv", "jsonl"]
 People = Literal["real", "rehearsed", "all"]
 
 
@@ -44,13 +41,16 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
         raise ExportError(f"There are no {people} people to export. Has anyone begun? Try --people all.")
     _make_empty(folder)
     with ExitStack() as stack:
-        tables: dict[str, _Table] = {}
+        tables: dict[str, Table] = {}
         for record in sessions:
             study = parse_study(store.study_text(record.study_hash))
             _write_study(folder, study)
             for name, row in _rows(store, record, study):
                 if name not in tables:
-                    tables[name] = _open_table(stack, folder, name, form)
+                    path = folder / f"{name}.{form}"
+                    tables[name] = Table(
+                        stack.enter_context(path.open("w", encoding="utf-8", newline="")), form
+                    )
                 tables[name].write(row)
             on_person()
     return len(sessions)
@@ -120,8 +120,9 @@ def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row
     named = {
         key: dict(zip(domain.feature_names, query[key], strict=True)) for key in ("features_a", "features_b")
     }
+    unknown = [None] * len(domain.feature_names)
     weights = {
-        key: dict(zip(domain.feature_names, provenance[key], strict=True))
+        key: dict(zip(domain.feature_names, provenance[key] or unknown, strict=True))
         for key in ("weights_a", "weights_b")
     }
     return {
@@ -149,40 +150,3 @@ def _posterior_row(record: SessionRecord, study: Study, posterior: PosteriorReco
         **posterior.summary,
         **per_quantity,
     }
-
-
-class _Table:
-    """One file of the export, written row by row."""
-
-    def __init__(self, file: TextIO, form: Format) -> None:
-        self._file = file
-        self._is_csv = form == "csv"
-        self._writer: csv.DictWriter[str] | None = None
-
-    def write(self, row: Row) -> None:
-        if not self._is_csv:
-            self._file.write(json.dumps(row) + "\n")
-            return
-        flat = dict(_flatten(row))
-        if self._writer is None:
-            self._writer = csv.DictWriter(self._file, list(flat), lineterminator="\n")
-            self._writer.writeheader()
-        self._writer.writerow(flat)
-
-
-def _open_table(stack: ExitStack, folder: Path, name: str, form: Format) -> _Table:
-    file = (folder / f"{name}.{form}").open("w", encoding="utf-8", newline="")
-    return _Table(stack.enter_context(file), form)
-
-
-def _flatten(row: Row) -> Iterator[tuple[str, Any]]:
-    """Gives lists and mappings as one column an entry; an event's whole payload stays JSON in one cell."""
-    for key, value in row.items():
-        if key in ("payload", "stream", "versions"):
-            yield key, json.dumps(value)
-        elif isinstance(value, dict):
-            yield from ((f"{key}_{name}", entry) for name, entry in value.items())
-        elif isinstance(value, list):
-            yield from ((f"{key}_{i}", entry) for i, entry in enumerate(value))
-        else:
-            yield key, value

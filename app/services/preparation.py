@@ -11,20 +11,18 @@ from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
-from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.run import Posterior
-from study_core.session import Action, Event, Phase, next_action, phase_of
+from study_core.session import Action, Event, Phase, QueryPrepared, next_action, phase_of
 
 log = logging.getLogger(__name__)
 
-# A person who waits comes before anything that is computed ahead; ahead, the likelier answer comes first.
+# A person who waits comes before anything that is computed ahead.
 _WAITED_FOR = 10.0
-
-# The model has no probability of an answer that says nothing; few are.
-_UNINFORMATIVE = 0.05
+_AHEAD = 0.0
 
 
-def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None) -> None:
+def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     """Starts computing what follows the current query, for each answer that makes a difference."""
     current = live.state.current
     live.ahead = {}
@@ -34,24 +32,18 @@ def look_ahead(runtime: Runtime, live: LiveSession, posterior: Posterior | None)
     query = current.proposed.query
     if current.phase is Phase.TEST:
         request = _request(live, following, live.state.comparisons, needs_posterior=False)
-        live.ahead[None] = _submit(runtime, request, urgency=0.5)
+        live.ahead[None] = _submit(runtime, request, _AHEAD)
         return
-    begun: dict[Choice | None, Computation] = {}
-    for choice in live.study.answers:
-        # All answers that say nothing lead to the same query.
-        said = choice if choice.is_informative else None
-        if said not in begun:
-            comparisons = live.state.comparisons.append(query, choice)
-            request = _request(live, following, comparisons, needs_posterior=True)
-            begun[said] = _submit(runtime, request, _urgency(choice, query, posterior))
-        live.ahead[choice] = begun[said]
-
-
-def _urgency(choice: Choice, query: Query, posterior: Posterior | None) -> float:
-    """Returns the probability of an answer, as far as it is known."""
-    if not choice.is_informative:
-        return _UNINFORMATIVE
-    return 0.5 if posterior is None else posterior.predicted_probability(choice, query.feature_diff)
+    requests = {
+        choice: _request(live, following, live.state.comparisons.append(query, choice), needs_posterior=True)
+        for choice in live.study.answers
+    }
+    # Answers that say nothing all lead to the same query, which has one key.
+    by_key = {request.key: request for request in requests.values()}
+    begun = dict(
+        zip(by_key, runtime.engine.submit_together(runtime.continue_fn, by_key, _AHEAD), strict=True)
+    )
+    live.ahead = {choice: begun[request.key] for choice, request in requests.items()}
 
 
 def continuation_after(
@@ -170,13 +162,13 @@ def _spread(parameters: ResponseParameters) -> dict[str, dict[str, float]]:
 def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
     """Shows a query that has just become the current one; looks ahead from it when the person has their reply."""
     runtime.on_change(live.record.id)
-    runtime.background.submit(_look_ahead_from, runtime, live, continuation)
+    runtime.background.submit(_look_ahead_from, runtime, live, continuation.prepared)
 
 
-def _look_ahead_from(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
+def _look_ahead_from(runtime: Runtime, live: LiveSession, prepared: QueryPrepared) -> None:
     with live.lock:
-        if live.state.current is continuation.prepared and not live.ahead:
-            look_ahead(runtime, live, continuation.posterior)
+        if live.state.current is prepared and not live.ahead:
+            look_ahead(runtime, live)
 
 
 def _request(

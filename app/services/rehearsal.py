@@ -2,45 +2,176 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from threading import Event
 
+import numpy as np
+from jaxtyping import Float
+
+from app.errors import AppError
 from app.services import study as services
-from app.services.runtime import Runtime
+from app.services.runtime import LiveSession, Runtime
 from app.services.summary import Json, summarise
+from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
-from study_core.participants import alignment, draw_person
+from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
+from study_core.queries import infer_posterior
 from study_core.session import QueryPrepared
 from study_core.streams import stream
 from study_core.study import Study
 
-# Somebody who is no hurry: what a rehearsed answer's response time is drawn around.
+# Somebody who is in no hurry: what a rehearsed answer's response time is drawn around.
 _TYPICAL_RESPONSE_MS = 4000.0
 
 
-def rehearse(runtime: Runtime, study: Study, seed: int, number: int, on_answer: Callable[[], None]) -> Json:
-    """Walks one simulated person through a whole session; returns its summary and the truth.
+class RehearsalStoppedError(AppError):
+    """A rehearsal that was given up; what was answered is kept."""
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Simulated people.
+
+    Attributes:
+        seed: With the study and a person's number, decides everything about them.
+        n_people: How many; they are numbered from 1.
+        habits: What the study's response model doesn't know of.
+        rationality: Their beta; None for the study's.
+        lapse_rate: Share of answers that they give at random; None for the study's.
+    """
+
+    seed: int
+    n_people: int
+    habits: Habits = NO_HABITS
+    rationality: float | None = None
+    lapse_rate: float | None = None
+
+    def person(self, study: Study, number: int) -> SimulatedPerson:
+        """Returns the person of that number."""
+        person = draw_person(self.seed, number, study.prior, study.response, study.answers, self.habits)
+        told = {"rationality": self.rationality, "lapse_rate": self.lapse_rate}
+        changed = {name: np.array([value]) for name, value in told.items() if value is not None}
+        return replace(person, parameters=replace(person.parameters, **changed))
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What one simulated person did.
+
+    Attributes:
+        summary: Of the session, with the true weights at its end and how well they were found.
+        rows: One for each query, for a table; the same whatever else ran at the same time.
+    """
+
+    summary: Json
+    rows: list[Row]
+
+
+def rehearse_all(
+    runtime: Runtime, study: Study, crowd: Crowd, n_at_once: int, on_answer: Callable[[], None]
+) -> Generator[Rehearsal, None, None]:
+    """Walks simulated people through whole sessions; gives each rehearsal, in the order of their numbers.
+
+    Close the generator to stop: nobody begins anew, and whoever is under way stops after their next answer.
 
     Args:
         runtime: The services' resources.
         study: The study.
-        seed: Of the simulated people; with the study it decides everything.
-        number: Which of them, from 1.
-        on_answer: Called after each answer.
+        crowd: The people.
+        n_at_once: How many walk at the same time, each in a thread; what comes out doesn't depend on it.
+        on_answer: Called after each answer, from any thread.
     """
-    person = draw_person(seed, number, study.prior, study.response)
-    rng = stream(seed, "simulated-answers", number)
-    _, record = services.join(runtime, study, rehearsal=f"rehearsal-{seed}-{number}")
+    is_over = Event()
+
+    def count() -> None:
+        on_answer()
+        if is_over.is_set():
+            raise RehearsalStoppedError("The rehearsal was stopped; what was answered is kept.")
+
+    pool = ThreadPoolExecutor(n_at_once, thread_name_prefix="rehearsal")
+    try:
+        numbers = range(1, crowd.n_people + 1)
+        walks = [pool.submit(rehearse, runtime, study, crowd, number, count) for number in numbers]
+        walks.reverse()
+        while walks:
+            # Nobody's rows are kept any longer than they are wanted.
+            yield walks.pop().result()
+    finally:
+        is_over.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def rehearse(
+    runtime: Runtime, study: Study, crowd: Crowd, number: int, on_answer: Callable[[], None]
+) -> Rehearsal:
+    """Walks the simulated person of that number through a whole session."""
+    person = crowd.person(study, number)
+    answers_rng = stream(crowd.seed, "simulated-answers", number)
+    drift_rng = stream(crowd.seed, "simulated-drift", number)
+    asked: list[SimulatedPerson] = []
 
     def answer(prepared: QueryPrepared) -> tuple[Choice, int]:
-        choice = person.choose(rng, prepared.proposed.query)
-        return choice, int(_TYPICAL_RESPONSE_MS * rng.lognormal(0.0, 0.4))
+        # The person as they are now, one step further on from the query before.
+        asked.append(asked[-1].drifted(drift_rng) if asked else person)
+        choice = asked[-1].choose(answers_rng, prepared.proposed.query)
+        return choice, int(_TYPICAL_RESPONSE_MS * answers_rng.lognormal(0.0, 0.4))
 
+    _, record = services.join(runtime, study, rehearsal=f"rehearsal-{crowd.seed}-{number}")
     walk(runtime, record.id, answer, on_answer)
-    summary = summarise(runtime, record.id)
-    estimate = runtime.store.posteriors(record.id)[-1].mean
-    return {
-        **summary,
-        "true_weights": person.weights.tolist(),
-        "alignment": alignment(estimate, person.weights),
+    live = runtime.live(record.id)
+    means = _means_after(runtime, live)
+    truth = asked[-1].weights
+    summary = {
+        **summarise(runtime, record.id),
+        "true_weights": truth.tolist(),
+        "alignment": alignment(means[-1], truth),
     }
+    return Rehearsal(summary, _rows(live, asked, means))
+
+
+def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, " n_features"]]:
+    """Returns the posterior mean after each answer; answers to test queries don't move it."""
+    by_query = {record.query_index: record.mean for record in runtime.store.posteriors(live.record.id)}
+    n_active = live.study.protocol.active_queries
+    if n_active not in by_query:
+        # Nothing is asked after the last active answer, so nobody has needed what it says.
+        assert live.state.participant is not None, "the session has begun"
+        by_query[n_active] = infer_posterior(live.study, live.state.participant, live.state.comparisons).mean
+    return [by_query[min(index + 1, n_active)] for index in range(len(live.state.answers))]
+
+
+def _rows(
+    live: LiveSession, asked: list[SimulatedPerson], means: list[Float[np.ndarray, " n_features"]]
+) -> list[Row]:
+    """Returns what is known about each query: what was asked and answered, by whom, and what it taught."""
+    names = live.study.domain.feature_names
+    rows = []
+    for prepared, given, person, mean in zip(
+        live.state.prepared, live.state.answers, asked, means, strict=True
+    ):
+        query = prepared.proposed.query
+        likely = person.probabilities(query)
+        rows.append(
+            {
+                "study": live.study.name,
+                "participant": live.state.participant,
+                "query_index": prepared.query_index,
+                "phase": prepared.phase.value,
+                "method": prepared.proposed.provenance.method,
+                "choice": given.choice.value,
+                "probability": likely[given.choice],
+                "probability_of": {choice.value: value for choice, value in likely.items()},
+                "alignment": alignment(mean, person.weights),
+                "feature_difference": dict(zip(names, query.feature_diff.tolist(), strict=True)),
+                "posterior_mean": dict(zip(names, mean.tolist(), strict=True)),
+                "true_weight": dict(zip(names, person.weights.tolist(), strict=True)),
+                "true_rationality": float(person.parameters.rationality[0]),
+                "true_lapse_rate": float(person.parameters.lapse_rate[0]),
+                "true_tie_threshold": float(person.parameters.tie_threshold[0]),
+                **asdict(person.habits),
+            }
+        )
+    return rows

@@ -39,7 +39,7 @@ class Screen:
 
     Attributes:
         kind: `welcome`, `preparing`, `question` or `finished`.
-        position: Length of the session's log; a page asks for what comes after it.
+        position: Length of the session's log; a page ignores what is older than it has shown.
         query_index: The query on the stage, for a question.
         number: Its number for people, from 1.
         total: How many queries the session has.
@@ -112,7 +112,7 @@ def screen(runtime: Runtime, session_id: str) -> Screen:
     with live.lock:
         preparation.prepare(runtime, live)
         if live.state.current is not None and not live.ahead:
-            preparation.look_ahead(runtime, live, posterior=None)
+            preparation.look_ahead(runtime, live)
         return _screen(live)
 
 

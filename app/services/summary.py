@@ -47,9 +47,9 @@ def _queries(state: SessionState) -> list[Json]:
 
 
 def test_accuracy(state: SessionState, weights: Float[np.ndarray, " n_features"]) -> float | None:
-    """Returns the share of test answers that w predicts, or None without any; see `metrics.accuracy`."""
+    """Returns the share of test answers that w predicts, of those that prefer one; None without any."""
     test_answers = ComparisonSet.empty(len(weights))
     for prepared, given in zip(state.prepared, state.answers, strict=False):
-        if prepared.phase is Phase.TEST:
+        if prepared.phase is Phase.TEST and given.choice.sign != 0.0:
             test_answers = test_answers.append(prepared.proposed.query, given.choice)
     return accuracy(weights, test_answers) if len(test_answers) else None

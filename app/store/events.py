@@ -6,19 +6,30 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import bindparam, func, insert, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from app.store import posteriors, sessions
 from app.store.codec import decode_json, encode_json
 from app.store.errors import PositionTakenError, StoreError
-from app.store.models import EventRow
+from app.store.models import EventRow, SessionRow, table_of
 from app.store.records import EventRecord, NewEvent, PosteriorRecord
 from app.store.utc import now
 
 _ANSWER = "answer_given"
 _PREPARED = "query_prepared"
+
+_LAST_POSITION = (
+    select(
+        select(func.max(EventRow.position))
+        .where(EventRow.session_id == bindparam("session_id"))
+        .scalar_subquery()
+        .label("position")
+    )
+    .select_from(SessionRow)
+    .where(SessionRow.id == bindparam("session_id"))
+)
 
 
 def of_session(rows: Session, session_id: str) -> tuple[EventRecord, ...]:
@@ -34,9 +45,8 @@ def append(
     expected_position: int,
     events: Sequence[NewEvent],
     posterior: PosteriorRecord | None,
-) -> tuple[EventRecord, ...]:
+) -> None:
     """Adds events at the end of the log, with the posterior that belongs to them."""
-    sessions.by_id(rows, session_id)
     length = _length(rows, session_id)
     if length != expected_position:
         raise PositionTakenError(
@@ -44,39 +54,42 @@ def append(
             f"it has {length}. Read the log again."
         )
     at = now()
-    added = [_row(session_id, expected_position + offset, event, at) for offset, event in enumerate(events)]
-    rows.add_all(added)
-    if posterior is not None:
-        posteriors.add(rows, session_id, posterior)
-    _flush(rows, session_id)
-    return tuple(_record(row) for row in added)
-
-
-def _flush(rows: Session, session_id: str) -> None:
+    values = [
+        _values(session_id, expected_position + offset, event, at) for offset, event in enumerate(events)
+    ]
     try:
-        rows.flush()
+        rows.execute(insert(table_of(EventRow)), values)
     except IntegrityError as error:
         raise PositionTakenError(
             f"Expected new events for session {session_id}, got one already in the log: {error.orig}. "
             "A query is prepared once and answered once; read the log again."
         ) from error
+    if posterior is not None:
+        posteriors.add(rows, session_id, posterior)
 
 
 def _length(rows: Session, session_id: str) -> int:
-    last = rows.scalar(select(func.max(EventRow.position)).where(EventRow.session_id == session_id))
-    return 0 if last is None else last + 1
+    """Length of a session's log.
+
+    Raises:
+        StoreError: When there is no such session.
+    """
+    last = rows.execute(_LAST_POSITION, {"session_id": session_id}).one_or_none()
+    if last is None:
+        raise sessions.unknown(session_id)
+    return 0 if last.position is None else int(last.position) + 1
 
 
-def _row(session_id: str, position: int, event: NewEvent, at: datetime) -> EventRow:
-    return EventRow(
-        session_id=session_id,
-        position=position,
-        kind=event.kind,
-        payload=encode_json(event.payload),
-        at=at,
-        answered_query=_query_index(event.payload) if event.kind == _ANSWER else None,
-        prepared_query=_query_index(event.payload) if event.kind == _PREPARED else None,
-    )
+def _values(session_id: str, position: int, event: NewEvent, at: datetime) -> dict[str, Any]:
+    return {
+        "session_id": session_id,
+        "position": position,
+        "kind": event.kind,
+        "payload": encode_json(event.payload),
+        "at": at,
+        "answered_query": _query_index(event.payload) if event.kind == _ANSWER else None,
+        "prepared_query": _query_index(event.payload) if event.kind == _PREPARED else None,
+    }
 
 
 def _query_index(payload: dict[str, Any]) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from sqlalchemy import select
+from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
 from app.store.codec import decode_floats, decode_json, encode_floats, encode_json
 from app.store.errors import StoreError
-from app.store.models import PosteriorRow
+from app.store.models import PosteriorRow, table_of
 from app.store.records import PosteriorRecord
 
 
@@ -21,17 +21,16 @@ def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
             f"{samples.shape}. Put one sample in each row."
         )
     n_samples, n_dims = samples.shape
-    rows.add(
-        PosteriorRow(
-            session_id=session_id,
-            query_index=posterior.query_index,
-            n_samples=n_samples,
-            n_dims=n_dims,
-            mean=encode_floats(mean),
-            samples=encode_floats(samples),
-            summary=encode_json(posterior.summary),
-        )
-    )
+    values = {
+        "session_id": session_id,
+        "query_index": posterior.query_index,
+        "n_samples": n_samples,
+        "n_dims": n_dims,
+        "mean": encode_floats(mean),
+        "samples": encode_floats(samples),
+        "summary": encode_json(posterior.summary),
+    }
+    rows.execute(insert(table_of(PosteriorRow)), [values])
 
 
 def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:

@@ -42,10 +42,13 @@ def by_id(rows: Session, session_id: str) -> SessionRecord:
     """The session of this id."""
     row = rows.get(SessionRow, session_id)
     if row is None:
-        raise StoreError(
-            f"Expected the id of a session, got '{session_id}'. List them with Store.sessions()."
-        )
+        raise unknown(session_id)
     return _record(row)
+
+
+def unknown(session_id: str) -> StoreError:
+    """What to raise when a session doesn't exist."""
+    return StoreError(f"Expected the id of a session, got '{session_id}'. List them with Store.sessions().")
 
 
 def every(rows: Session, study_hash: str | None) -> list[SessionRecord]:

@@ -115,7 +115,7 @@ class Store:
         new_events: Sequence[NewEvent],
         posterior: PosteriorRecord | None = None,
         report: NewReport | None = None,
-    ) -> tuple[EventRecord, ...]:
+    ) -> None:
         """Appends events to a session's log, all or none.
 
         Args:
@@ -125,18 +125,14 @@ class Store:
             posterior: The posterior that a prepared query among the events was chosen from.
             report: What the browser measured while it showed an answered query.
 
-        Returns:
-            The events as the log now holds them.
-
         Raises:
             PositionTakenError: When the log isn't of the expected length, or a query in the events was
                 already prepared or answered. Nothing was written.
         """
         with self._database.writing() as rows:
-            added = events.append(rows, session_id, expected_position, new_events, posterior)
+            events.append(rows, session_id, expected_position, new_events, posterior)
             if report is not None:
                 measures.add(rows, session_id, report)
-            return added
 
     def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
         """A session's posteriors, ordered by query index."""

@@ -1,4 +1,4 @@
-"""Tells waiting requests that a session's log has grown."""
+"""Tells open responses that a session's log has grown."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from collections import defaultdict
 
 
 class Changes:
-    """Events of one event loop, set from any thread."""
+    """Events of one event loop, set from any thread.
+
+    Attributes:
+        is_closing: Whether the server is ending, so that there is nothing to wait for any more.
+    """
 
     def __init__(self) -> None:
+        self.is_closing = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: dict[str, set[asyncio.Event]] = defaultdict(set)
 
@@ -22,8 +27,9 @@ class Changes:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._wake, session_id)
 
-    def wake_all(self) -> None:
-        """Wakes everyone, so that no request outlives the server."""
+    def close(self) -> None:
+        """Wakes everyone for good, so that no response outlives the server."""
+        self.is_closing = True
         for session_id in list(self._waiting):
             self._wake(session_id)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import asdict, dataclass
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import RedirectResponse, Response
+from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, ConfigDict
 from starlette.concurrency import run_in_threadpool
@@ -23,10 +22,16 @@ from app.store import SessionRecord
 from app.web.changes import Changes
 from app.web.guard import Guard, JoinLimit, protect
 from app.web.pages import error_json, error_response, templates
+from app.web.screens import screen_events
+from study_core.comparison import Choice
 from study_core.study import Study
 
-_LONGEST_POLL_S = 20.0
 _SECONDS_PER_QUERY = 14
+_OTHER_ANSWERS = {
+    Choice.SAME: "About the same",
+    Choice.UNSURE: "Can’t tell",
+    Choice.SKIP: "Skip this pair",
+}
 _COOKIE = "prefstudy-session"
 _COOKIE_AGE_S = 30 * 24 * 3600
 _UNKNOWN_LINK = (
@@ -45,7 +50,7 @@ class SiteParts:
         runtime: The services' resources.
         stage: Routes of the participants' stages.
         n_viewers: Tells how many browser pages watch a session's stage.
-        changes: Wakes long polls.
+        changes: Wakes the streams of screens.
         study: The study that people can join.
         public_url: Address that participants use, if it isn't the one the server listens on.
         on_shutdown: Called when the server has stopped accepting.
@@ -206,6 +211,7 @@ def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
             "question": text.question,
             "thanks": text.thanks,
             "screen": asdict(screen),
+            "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
         }
         return templates.TemplateResponse(request, "participant.html", context)
 
@@ -214,17 +220,12 @@ def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
         services.begin(runtime, session.id)
         return RedirectResponse(f"/s/{token}/", status_code=303)
 
-    @site.get("/s/{token}/screen")
-    async def screen(session: ThisSession, after: int = -1) -> dict[str, Any]:
-        changed = parts.changes.listen(session.id)
-        try:
-            current = await run_in_threadpool(services.screen, runtime, session.id)
-            if current.position <= after:
-                await _wait(changed, _LONGEST_POLL_S)
-                current = await run_in_threadpool(services.screen, runtime, session.id)
-        finally:
-            parts.changes.forget(session.id, changed)
-        return {**asdict(current), "stage_viewers": parts.n_viewers(session.id)}
+    @site.get("/s/{token}/screens")
+    async def screens(session: ThisSession) -> Response:
+        events = screen_events(runtime, session.id, parts.changes, parts.n_viewers)
+        # A proxy in front must pass each event on at once.
+        headers = {"X-Accel-Buffering": "no"}
+        return StreamingResponse(events, headers=headers, media_type="text/event-stream")
 
     @site.post("/s/{token}/answer")
     def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
@@ -232,10 +233,3 @@ def _add_participant_pages(site: FastAPI, parts: SiteParts) -> None:
             runtime, session.id, body.query_index, body.choice, body.response_time_ms, body.client
         )
         return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
-
-
-async def _wait(event: asyncio.Event, timeout_s: float) -> None:
-    try:
-        await asyncio.wait_for(event.wait(), timeout_s)
-    except TimeoutError:
-        return

@@ -3,14 +3,14 @@
 "use strict";
 
 const REVEAL_MS = 350; // a new picture takes this long to appear; see app/stage/stage.py
-const POLL_TIMEOUT_MS = 30000; // the server holds a poll for up to 20 s
+const SILENCE_MS = 40000; // the server sends the screen at least every 15 s
 const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches after so long, is loaded again
 const DRAW_MS = 15000; // a browser in which drawing can't be noticed has surely drawn by then
 const TALL_BELOW = 1.05; // width over height of the window
 
 const byId = (id) => document.getElementById(id);
 const wait = (ms) => new Promise((done) => setTimeout(done, ms));
-const buttons = [byId("answer-a"), byId("answer-b")];
+const buttons = [...document.querySelectorAll("[data-choice]")]; // A, B and what else the study offers
 const stage = byId("stage");
 const notice = byId("notice");
 const sample = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
@@ -31,8 +31,8 @@ function freshTally() {
 
 // ---- talking to the server ----
 
-async function request(address, body, timeoutMs = 15000) {
-  const options = { signal: AbortSignal.timeout(timeoutMs), headers: { Accept: "application/json" } };
+async function request(address, body) {
+  const options = { signal: AbortSignal.timeout(15000), headers: { Accept: "application/json" } };
   if (body !== undefined) {
     options.method = "POST";
     options.headers["Content-Type"] = "application/json";
@@ -45,10 +45,10 @@ async function request(address, body, timeoutMs = 15000) {
 }
 
 /** Repeats a request until the server has answered it, telling the person meanwhile. */
-async function insist(address, body, timeoutMs) {
+async function insist(address, body) {
   for (let pause = 500; ; pause = Math.min(pause * 1.7, 5000)) {
     try {
-      const response = await request(address, body, timeoutMs);
+      const response = await request(address, body);
       setOffline(false);
       return response;
     } catch {
@@ -75,15 +75,34 @@ function tellConnection() {
   if (notice.textContent !== text) notice.textContent = text;
 }
 
-/** Follows the session for ever: each poll returns when something has changed, or after a while. */
+/** Follows the session to its end, however often the connection is lost. */
 async function follow() {
+  await hear();
   while (screen.kind !== "finished") {
-    const response = await insist(`screen?after=${screen.position}`, undefined, POLL_TIMEOUT_MS);
-    if (!response.ok) return stop(response);
-    const next = await response.json().catch(() => null);
-    if (next === null) await wait(1000);
-    else apply(next);
+    setOffline(true);
+    await wait(500);
+    // An EventSource doesn't tell a refusal from a lost connection; a request for the page does.
+    const response = await insist("");
+    if (!response.ok) return stop();
+    await hear();
   }
+}
+
+/** Applies the screens that the server sends, until the session is finished or the connection is lost. */
+async function hear() {
+  const source = new EventSource("screens");
+  await new Promise((end) => {
+    let timer = setTimeout(end, SILENCE_MS);
+    source.onerror = end;
+    source.onmessage = (event) => {
+      clearTimeout(timer);
+      timer = setTimeout(end, SILENCE_MS);
+      setOffline(false);
+      apply(JSON.parse(event.data));
+      if (screen.kind === "finished") end();
+    };
+  });
+  source.close();
 }
 
 /** The server refuses for good (the session is over or unknown): let it say so itself. */
@@ -160,7 +179,7 @@ async function answer(choice, means) {
   tellConnection();
   const response = await insist("answer", body);
   if (sending === body.query_index) sending = null;
-  if (!response.ok) return stop(response);
+  if (!response.ok) return stop();
   const { screen: next } = await response.json();
   // Whatever became of it (taken, already taken, not current), the server's screen is what counts.
   screen.query_index = screen.query_index === body.query_index ? undefined : screen.query_index;
@@ -195,7 +214,7 @@ async function command(action) {
     const response = await request("stage", { action });
     if (!response.ok) loadStage();
   } catch {
-    setOffline(true); // the next poll tells when it is back
+    setOffline(true); // the next screen from the server tells when it is back
   }
 }
 

@@ -12,18 +12,21 @@ query asks about the two samples that are farthest apart.
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float, Int
 
-from study_core.acquisition.pairs import RankedPairs
-from study_core.posterior.run import Posterior
-
-VERSION = "heuristic-1"
+from study_core.acquisition.pairs import Acquisition, RankedWeights, Situation
+from study_core.acquisition.sample_pairs import rank_sample_pairs
 
 
-def rank_pairs(rng: np.random.Generator, posterior: Posterior, mu: float, n_pairs: int) -> RankedPairs:
-    """Returns the best pairs by the paper's objective; see `study_core.acquisition.pairs.Acquisition`."""
-    first, second = np.triu_indices(len(posterior.samples), k=1)
-    likely = np.exp(posterior.log_likelihoods[first] + posterior.log_likelihoods[second])
-    apart = np.linalg.norm(posterior.samples[first] - posterior.samples[second], axis=1)
-    scores = likely + mu * apart
-    best = np.argsort(-scores, kind="stable")[:n_pairs]
-    return RankedPairs(np.column_stack([first[best], second[best]]), scores[best])
+def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> RankedWeights:
+    """Returns the best pairs by the paper's objective; see `study_core.acquisition.pairs.RankFn`."""
+    samples, logs = situation.posterior.samples, situation.posterior.log_likelihoods
+
+    def score(i: Int[np.ndarray, " n"], j: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        apart = np.linalg.norm(samples[i] - samples[j], axis=1)
+        return np.exp(logs[i] + logs[j]) + situation.mu * apart
+
+    return rank_sample_pairs(samples, score, n_pairs)
+
+
+HEURISTIC = Acquisition("heuristic-1", rank_pairs)

@@ -9,9 +9,7 @@ from study_core.comparison import ComparisonSet
 
 
 def accuracy(weights: Float[np.ndarray, " n_features"], comparisons: ComparisonSet) -> float:
-    """Returns the share of answers that the sign of w . psi predicts.
-
-    A tie counts half, whether w . psi is 0 or the person found both about the same.
+    """Returns the share of answers that the sign of w . psi predicts; a tie counts half.
 
     Args:
         weights: w, shape `(n_features,)`.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from study_core.choice import ResponseModel, ResponseParameters
-from study_core.comparison import Choice, ComparisonSet
+from study_core.comparison import ComparisonSet
 from study_core.posterior.annealing import learn_from_draws, learn_proposal
 from study_core.posterior.diagnostics import Diagnostics, diagnose
 from study_core.posterior.evidence import choose_by_evidence
@@ -54,11 +53,6 @@ class Posterior:
     log_likelihoods: Float[np.ndarray, " n_samples"]
     mean: Float[np.ndarray, " n_features"]
     diagnostics: Diagnostics
-
-    def predicted_probability(self, choice: Choice, feature_diff: Float[np.ndarray, " n_features"]) -> float:
-        """Returns the probability of an answer to a query, averaged over the samples."""
-        probabilities = self.parameters.probability_of(choice, self.samples @ feature_diff)
-        return float(math.fsum(probabilities) / len(probabilities))
 
 
 def infer(

@@ -1,8 +1,12 @@
 import asyncio
+import json
 
+import httpx
+import pytest
 from websockets.asyncio.client import connect
 
-from app.bench.browser import camera_message, clips_in
+from app.bench.browser import Browser, Diary, camera_message, clips_in
+from app.bench.report import BenchError
 from app.stage.clip import build_clip
 from app.stage.framing import Layout
 from app.stage.proxy import SUBPROTOCOL, checked
@@ -32,3 +36,32 @@ def test_a_clip_is_found_in_what_a_stage_sends():
 
 def test_the_first_message_is_one_that_a_browser_may_send():
     assert checked(camera_message())
+
+
+def follow(status, *screens):
+    """Lets a browser follow a server that sends these screens and no more; returns the browser."""
+    sent = "".join(f"data: {json.dumps(screen)}\n\n" for screen in screens)
+    transport = httpx.MockTransport(lambda _: httpx.Response(status, text=sent))
+
+    async def follow_all():
+        async with httpx.AsyncClient(base_url="http://server", transport=transport) as http:
+            browser = Browser(http, "token", Diary())
+            await browser.follow()
+            return browser
+
+    return asyncio.run(asyncio.wait_for(follow_all(), 10.0))
+
+
+QUESTION = {"kind": "question", "position": 2, "query_index": 0}
+FINISHED = {"kind": "finished", "position": 3, "query_index": None}
+
+
+def test_a_browser_follows_the_screens_until_the_session_is_finished():
+    assert follow(200, QUESTION, QUESTION, FINISHED).is_finished
+
+
+def test_screens_that_are_refused_or_end_too_early_are_a_failure():
+    with pytest.raises(BenchError, match=r"until the session is finished, but the server ended them\."):
+        follow(200, QUESTION)
+    with pytest.raises(BenchError, match=r"to be served, got 404\."):
+        follow(404)

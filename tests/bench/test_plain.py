@@ -4,6 +4,7 @@ import pytest
 from app.bench import plain
 from app.settings import find_study
 from study_core.acquisition import heuristic
+from study_core.acquisition.pairs import Situation
 from study_core.comparison import ComparisonSet
 from study_core.domains.driving.domain import DRIVING_V1
 from study_core.posterior.run import SamplerSettings, infer
@@ -57,9 +58,10 @@ def test_the_plain_pair_is_the_heuristics_first(study, comparisons):
         comparisons,
         SamplerSettings(2, 200, 200, 200, 40),
     )
-    ranked = heuristic.rank_pairs(np.random.default_rng(4), posterior, 0.1, 1)
+    situation = Situation(study.domain, posterior, bank=None, mu=0.1, min_difference=0.0)
+    ranked = heuristic.rank_pairs(np.random.default_rng(4), situation, 1)
     pair = plain.best_pair(posterior.samples.tolist(), posterior.log_likelihoods.tolist(), 0.1)
-    assert pair == tuple(ranked.indices[0])
+    assert np.array_equal(posterior.samples[list(pair)], ranked.weights[0])
 
 
 def test_the_plain_drive_is_within_the_bounds_and_better_than_its_starts():

@@ -16,6 +16,18 @@ def test_a_small_run_finds_both_ways_in_agreement_and_the_plain_way_slower():
     parts = ("posterior", "pair_and_trajectories", "clips")
     assert all(0.0 < ours[part]["p10"] <= ours[part]["median"] <= ours[part]["p90"] for part in parts)
     assert set(ours["plain"]) == {"next_query", *parts}
+    informative = result["information_gain"]
+    assert set(informative["ratios"]) == {
+        "aprel_looped_40",
+        "aprel_looped_100",
+        "aprel_vectorised_40",
+        "aprel_vectorised_100",
+    }
+    assert 1.0 < informative["ratios"]["aprel_looped_40"] < informative["ratios"]["aprel_looped_100"]
+    gains = informative["gain_bits"]
+    assert gains["aprel_looped_40"] == gains["aprel_vectorised_40"]
+    # Ours screens a random part of the bank's pairs, so all pairs of a lucky few drives may hold a slightly better one.
+    assert gains["prefstudy"] > 0.9 * gains["aprel_looped_100"] > 0.0
     json.dumps(result)
 
 

@@ -1,15 +1,22 @@
 """Every registered acquisition method keeps the contract."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
+import torch
 
 from study_core.acquisition import METHODS, acquisition_named
+from study_core.acquisition.pairs import RankedTrajectories, Situation
+from study_core.bank import build_bank
 from study_core.choice import ResponseModel, ResponseParameters
 from study_core.comparison import ComparisonSet
+from study_core.domains.driving import DRIVING_V1
 from study_core.errors import UnknownNameError
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import Posterior, SamplerSettings, infer
+from tests.study_core import references
 
 NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
@@ -38,30 +45,74 @@ POSTERIORS = {
 }
 
 
+@pytest.fixture(scope="module")
+def bank():
+    return build_bank(DRIVING_V1, 60)
+
+
+def situation_of(posterior, bank):
+    return Situation(DRIVING_V1, posterior, bank, mu=0.1, min_difference=0.5)
+
+
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("posterior", [pytest.param(make, id=key) for key, make in POSTERIORS.items()])
-@pytest.mark.parametrize("n_pairs", [1, 11, 10**6])
-def test_a_method_keeps_the_contract(name, posterior, n_pairs):
-    given = posterior()
-    samples, log_likelihoods = given.samples.copy(), given.log_likelihoods.copy()
-    ranked = acquisition_named(name)(np.random.default_rng(3), given, 0.1, n_pairs)
-    n = len(samples)
-    pairs = [tuple(pair) for pair in ranked.indices.tolist()]
-    assert ranked.indices.shape == (min(n_pairs, n * (n - 1) // 2), 2)
-    assert ranked.scores.shape == (len(pairs),)
-    assert all(0 <= i < j < n for i, j in pairs)
-    assert len(set(pairs)) == len(pairs)
+def test_a_method_ranks_different_pairs_best_first(name, posterior, bank):
+    ranked = METHODS[name].rank_pairs(np.random.default_rng(3), situation_of(posterior(), bank), 11)
+    pairs = ranked.controls if isinstance(ranked, RankedTrajectories) else ranked.weights
+    n_controls_or_features = 10 if isinstance(ranked, RankedTrajectories) else 4
+    assert 1 <= len(ranked) <= 11
+    assert pairs.shape == (len(ranked), 2, n_controls_or_features)
+    assert ranked.scores.shape == (len(ranked),)
     assert np.isfinite(ranked.scores).all()
     assert (np.diff(ranked.scores) <= 0).all()
-    again = acquisition_named(name)(np.random.default_rng(3), given, 0.1, n_pairs)
-    np.testing.assert_array_equal(again.indices, ranked.indices)
-    np.testing.assert_array_equal(again.scores, ranked.scores)
-    np.testing.assert_array_equal(given.samples, samples)
-    np.testing.assert_array_equal(given.log_likelihoods, log_likelihoods)
+    if posterior is not POSTERIORS["all samples alike"]:
+        assert len({pair.tobytes() for pair in pairs}) == len(ranked)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_one_pair_is_the_first_of_many(name, bank):
+    situation = situation_of(inferred(3), bank)
+    one, many = (METHODS[name].rank_pairs(np.random.default_rng(3), situation, n) for n in (1, 11))
+    assert len(one) == 1
+    assert name in ("random", "thompson") or one.scores[0] == many.scores[0]
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_is_repeatable_and_leaves_what_it_is_given_alone(name, bank):
+    situation = situation_of(inferred(3), bank)
+    before = situation.posterior.samples.copy(), situation.posterior.log_likelihoods.copy()
+    first, second = (METHODS[name].rank_pairs(np.random.default_rng(3), situation, 11) for _ in range(2))
+    for field in fields(first):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
+    np.testing.assert_array_equal(situation.posterior.samples, before[0])
+    np.testing.assert_array_equal(situation.posterior.log_likelihoods, before[1])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_trajectories_are_within_bounds_and_locally_the_best_for_their_weights(name, bank):
+    ranked = METHODS[name].rank_pairs(np.random.default_rng(3), situation_of(inferred(3), bank), 5)
+    if not isinstance(ranked, RankedTrajectories):
+        return
+    controls = ranked.controls.reshape(-1, 10)
+    assert (np.abs(controls) <= 1.0).all()
+    if ranked.weights is not None:
+        for own, weights in zip(controls, ranked.weights.reshape(-1, 4), strict=True):
+            drive = torch.tensor(own, dtype=torch.float64, requires_grad=True)
+            references.torch_reward(drive, torch.tensor(weights)).backward()
+            assert np.abs(np.clip(own + drive.grad.numpy(), -1.0, 1.0) - own).max() < 1e-5
+
+
+def test_only_methods_that_choose_among_its_drives_need_a_bank():
+    assert {name for name, method in METHODS.items() if method.needs_bank} == {
+        "information-gain-realistic",
+        "random",
+        "regret",
+    }
+    assert len({method.version for method in METHODS.values()}) == len(METHODS)
 
 
 def test_a_method_is_found_by_the_name_that_a_study_uses():
-    assert set(METHODS) >= {"heuristic", "random"}
+    assert set(METHODS) >= {"heuristic", "information-gain-realistic", "random"}
     assert all(acquisition_named(name) is method for name, method in METHODS.items())
 
 

@@ -136,6 +136,16 @@ def a_scene_of_chance():
     return lambda self, controls: replace(DRIVING.scene(controls), dt_s=0.1 + count())
 
 
+def ends_when_it_likes(self, controls):
+    scene = DRIVING.scene(controls)
+    n_frames = 20 + int(10 * controls[0])
+    tracks = tuple(
+        replace(track, positions=track.positions[:n_frames], yaws_rad=track.yaws_rad[:n_frames])
+        for track in scene.tracks
+    )
+    return replace(scene, tracks=tracks)
+
+
 def raises(self, controls):
     raise RuntimeError("no road")
 
@@ -264,6 +274,14 @@ BREACHES = {
     "positions on a plane": (
         {"scene": with_track(positions=human.positions[:, :2].copy())},
         "the positions of track",
+    ),
+    "a length that depends on the drive": (
+        {"scene": ends_when_it_likes},
+        "every scene of 'driving-v1' to have as many tracks and frames",
+    ),
+    "a body without a size": (
+        {"scene": with_track(body=replace(human.body, meshes=()))},
+        "body 'human_car' to have a size",
     ),
     "a background by name": ({"scene": scene_with(background="green")}, "'green'"),
     "a colour without its hash": ({"scene": with_colour("1f5fd0")}, "'1f5fd0'"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from tests.e2e.conftest import OpenPage
 from tests.e2e.curves import assert_on_stage
@@ -76,3 +76,36 @@ def test_an_open_page_outlives_the_server_and_the_session_is_finished(
         person.presses("b")
     person.sees_the_end()
     assert [answer["query_index"] for answer in person.answers()] == list(range(N_QUERIES))
+
+
+def test_a_connection_that_says_nothing_is_taken_for_lost(server: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page()
+    page.clock.install()
+    held: list[Route] = []
+    page.route("**/screens", lambda route: held.append(route))
+    person = join(page, server)
+    page.wait_for_timeout(1000)
+    assert len(held) == 1
+    page.clock.fast_forward(39_000)
+    page.wait_for_timeout(100)
+    assert len(held) == 1
+    page.clock.fast_forward(10_000)
+    for _ in range(WAIT_MS // 200):
+        if len(held) == 2:
+            break
+        page.wait_for_timeout(200)
+    assert len(held) == 2
+    page.unroute_all(behavior="ignoreErrors")
+    sees_connection_found(person)
+    person.sees_question(1)
+
+
+def test_a_session_that_the_server_no_longer_knows_says_so(
+    mortal: ServerProcess, open_page: OpenPage
+) -> None:
+    person = join(open_page(), mortal)
+    person.sees_question(1)
+    mortal.kill()
+    (mortal.folder / "serve.db").unlink()
+    mortal.restart()
+    expect(person.page.get_by_text("This link doesn’t open a session here")).to_be_visible(timeout=WAIT_MS)

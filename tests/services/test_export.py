@@ -11,7 +11,7 @@ import pytest
 from app import wiring
 from app.services import study as services
 from app.services.export import ExportError, export
-from app.services.rehearsal import rehearse
+from app.services.rehearsal import Crowd, rehearse
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.settings import find_study
 from app.store import Store, open_store
@@ -27,7 +27,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> str:
     url = f"sqlite:///{tmp_path_factory.mktemp('export') / 'study.db'}"
     with wiring.headless(url) as runtime:
         for number in (1, 2):
-            rehearse(runtime, QUICKSTART, 5, number, lambda: None)
+            rehearse(runtime, QUICKSTART, Crowd(5, 2), number, lambda: None)
         _, record = services.join(runtime, QUICKSTART)
         services.answer(runtime, record.id, 0, "a", 1234)
         services.answer(runtime, record.id, 1, "b", 2345)

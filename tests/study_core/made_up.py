@@ -19,6 +19,7 @@ def proposed(index, n_features=4, seed=0):
         stream=("rehearsal", index) if index % 2 else (3, index),
         method="heuristic",
         versions=("driving-v1", "sampler-1", "optimiser-1"),
+        bank_digest="ba" * 32 if index % 2 else None,
         weights_a=rng.random(n_features),
         weights_b=rng.random(n_features),
         score=float(rng.normal()),
@@ -26,6 +27,7 @@ def proposed(index, n_features=4, seed=0):
         pairs_tried=1 + index,
         has_converged=(True, bool(index % 2)),
         are_distinct=bool(index % 5),
+        visible_difference=float(rng.random()),
     )
     return ProposedQuery(query, provenance)
 

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import torch
 
+from study_core.scene import Body, Bounds, Mesh, Scene, Track
+
 ROBOT_START = (0.0, -0.3, math.pi / 2, 0.4)
 HUMAN_START = (0.17, 0.0, math.pi / 2, 0.41)
 HUMAN_CONTROLS = (0, 0.41, 1, 0.41, -1, 0.41, 0, 0.533, 0, 0.533)
@@ -97,6 +99,10 @@ def prior_draws(rng, support, n, d=4):
     return np.concatenate(kept)[:n]
 
 
+_BAR_CORNERS = np.array([[0.0, -0.5, 0.0], [0.1, 0.5, 0.0], [0.0, 0.5, 0.1]])
+BAR = Body("bar", (Mesh(_BAR_CORNERS, np.array([[0, 1, 2]]), "#112233"),))
+
+
 class QuadraticDomain:
     """One step whose state is its controls; feature k is -sum_c scales_c (controls_c - targets_kc)^2.
 
@@ -130,7 +136,9 @@ class QuadraticDomain:
         return rewards, -2.0 * (weights[:, :, None] * self.scales * offsets).sum(axis=1)
 
     def scene(self, controls):
-        raise NotImplementedError("nothing draws this domain")
+        """A bar of length 1 that slides from the origin to the first control's value."""
+        track = Track(BAR, np.array([[0.0, 0.0, 0.0], [controls[0], 0.0, 0.0]]), np.zeros(2))
+        return Scene((track,), (), 0.1, Bounds(-2.0, 2.0, -2.0, 2.0), "#ffffff")
 
 
 class BangBangDomain(QuadraticDomain):
@@ -183,7 +191,7 @@ def study_text(**changes):
         "protocol": {"active_queries": 3, "test_queries": 2},
         "response": {"model": "sigmoid", "rationality": 50.0, "lapse_rate": 0.1},
         "prior": {"support": "sphere"},
-        "sampler": {"samples": 20, "chains": 4, "warmup": 200, "draws": 400},
+        "sampler": {"samples": 20, "chains": 4, "warmup": 200, "draws": 400, "most_draws": 400},
         "acquisition": {"method": "heuristic", "mu": 0.1},
         "trajectory": {"starts": 3},
     }
@@ -194,6 +202,8 @@ def study_text(**changes):
             del tables[section][key]
         else:
             tables[section][key] = value
+    if tables["trajectory"].get("search") == "bank":
+        tables["trajectory"].pop("starts", None)
     lines = []
     for section, keys in tables.items():
         lines += [f"[{section}]"] if section else []

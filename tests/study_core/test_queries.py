@@ -9,16 +9,18 @@ from scipy.stats import binomtest
 import study_core.study
 from study_core import queries
 from study_core.acquisition import acquisition_named
+from study_core.acquisition.pairs import Situation
 from study_core.choice import ResponseParameters
 from study_core.comparison import ComparisonSet
+from study_core.distinctness import visible_difference, visible_paths
 from study_core.domains.driving import DRIVING_V1
+from study_core.lbfgs import VERSION as OPTIMISER_VERSION
 from study_core.posterior import metropolis
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 from study_core.queries import infer_posterior, propose_active_query, propose_test_set
 from study_core.streams import stream
 from study_core.study import parse_study
-from study_core.trajectory import VERSION as OPTIMISER_VERSION
 from tests.study_core import references
 
 STUDY = parse_study(references.study_text())
@@ -78,13 +80,17 @@ def test_provenance_says_everything_needed_to_derive_the_query_again():
     posterior = infer_posterior(STUDY, 4, some_answers(2))
     proposed = propose_active_query(STUDY, 4, 2, posterior)
     found = proposed.provenance
-    ranked = acquisition_named("heuristic")(np.random.default_rng(0), posterior, 0.1, 2)
+    method = acquisition_named("heuristic")
+    ranked = method.rank_pairs(np.random.default_rng(0), Situation(DRIVING_V1, posterior, None, 0.1, 0.0), 2)
     assert (found.study_hash, found.seed, found.stream, found.method) == (STUDY.hash, 5, (4, 2), "heuristic")
-    assert found.versions == ("driving-v1", metropolis.VERSION, OPTIMISER_VERSION)
+    assert found.versions == ("driving-v1", metropolis.VERSION, OPTIMISER_VERSION, method.version)
     assert (found.score, found.runner_up_score) == (ranked.scores[0], ranked.scores[1])
     assert (found.pairs_tried, found.are_distinct, found.has_converged) == (1, True, (True, True))
     asked = {tuple(found.weights_a), tuple(found.weights_b)}
-    assert asked == {tuple(row) for row in posterior.samples[ranked.indices[0]]}
+    assert asked == {tuple(row) for row in ranked.weights[0]}
+    assert found.bank_digest is None
+    paths = visible_paths(DRIVING_V1, np.stack([proposed.query.controls_a, proposed.query.controls_b]))
+    assert found.visible_difference == pytest.approx(float(visible_difference(paths[:1], paths[1:])[0]))
 
 
 def test_each_trajectory_is_the_best_found_for_its_own_weights():
@@ -142,16 +148,50 @@ def test_equal_trajectories_are_reported_when_every_pair_has_them(monkeypatch):
     samples = np.random.default_rng(1).random((8, 2)) + 0.1
     found = propose_active_query(study, 1, 0, posterior_of(samples))
     assert not found.provenance.are_distinct
-    assert found.provenance.pairs_tried == queries._MOST_PAIRS_TRIED
+    assert found.provenance.visible_difference == 0.0
+    # The method's ten best, then ten of the prior; none differs more than the first.
+    assert (found.provenance.pairs_tried, found.provenance.method) == (20, "heuristic")
     np.testing.assert_array_equal(found.query.controls_a, [1.0, -1.0])
     np.testing.assert_array_equal(found.query.controls_a, found.query.controls_b)
     np.testing.assert_array_equal(found.query.feature_diff, [0.0, 0.0])
 
 
-def test_the_only_pair_there_is_has_no_runner_up(monkeypatch):
+def test_where_all_of_the_methods_pairs_look_alike_the_prior_is_asked(monkeypatch):
     study = in_domain(monkeypatch, references.BangBangDomain())
     found = propose_active_query(study, 1, 0, posterior_of([[0.9, 0.1], [0.8, 0.2]])).provenance
-    assert (found.pairs_tried, found.are_distinct, found.runner_up_score) == (1, False, None)
+    assert found.are_distinct
+    assert (found.method, found.score, found.pairs_tried > 1) == ("prior", 0.0, True)
+
+
+@pytest.mark.parametrize(("bound", "is_shown"), [(1.9, True), (2.1, False)])
+def test_a_pair_closer_than_the_studys_bound_is_not_shown(monkeypatch, bound, is_shown):
+    """The bar of length 1 slides to +1 or to -1 within two frames: it is 2 apart in one of them, sqrt(2) on average."""
+    changes = {"acquisition__min_difference": bound / 2.0**0.5}
+    study = in_domain(monkeypatch, references.BangBangDomain(), **changes)
+    found = propose_active_query(study, 1, 0, posterior_of([[0.9, 0.1], [0.1, 0.9]])).provenance
+    assert found.visible_difference == pytest.approx(2.0**0.5, rel=1e-6)
+    assert found.are_distinct is is_shown
+
+
+def test_a_query_from_the_bank_says_which_bank_and_what_each_drive_is_best_for():
+    study = parse_study(
+        references.study_text(acquisition__method="information-gain-realistic", trajectory__search="bank")
+    )
+    posterior = infer_posterior(study, 4, some_answers(2))
+    proposed = propose_active_query(study, 4, 2, posterior)
+    found, query = proposed.provenance, proposed.query
+    assert found.bank_digest == study.bank.digest
+    assert found.versions[-1] == acquisition_named("information-gain-realistic").version
+    for weights, own in ((found.weights_a, query.controls_a), (found.weights_b, query.controls_b)):
+        _, gradient = DRIVING_V1.reward_and_gradient(own[None], weights[None])
+        assert np.abs(np.clip(own + gradient[0], -1, 1) - own).max() < 1e-5
+    assert same_proposal(propose_active_query(study, 4, 2, posterior), proposed)
+
+
+def test_a_query_over_free_controls_has_no_weights_that_its_drives_are_best_for():
+    study = parse_study(references.study_text(acquisition__method="information-gain"))
+    found = propose_active_query(study, 1, 0, infer_posterior(study, 1, some_answers(2))).provenance
+    assert (found.weights_a, found.weights_b, found.are_distinct) == (None, None, True)
 
 
 @pytest.mark.parametrize(("gap", "are_distinct"), [(2.5e-6, True), (1.5e-6, False)])
@@ -165,13 +205,15 @@ def test_controls_are_the_same_when_they_differ_by_less_than_a_millionth_of_thei
     assert queries._differ(domain, both[::-1]) is are_distinct
 
 
-def test_the_random_method_is_used_when_the_study_says_so():
-    study = parse_study(references.study_text(acquisition__method="random"))
+def test_the_method_that_the_study_names_is_used():
+    study = parse_study(references.study_text(acquisition__method="thompson"))
     posterior = infer_posterior(study, 1, some_answers(2))
     found = propose_active_query(study, 1, 2, posterior).provenance
-    pair = acquisition_named("random")(stream(5, "acquisition", 1, 2), posterior, 0.1, 11).indices[0]
-    assert (found.method, found.score) == ("random", 0.0)
-    assert {tuple(found.weights_a), tuple(found.weights_b)} == {tuple(row) for row in posterior.samples[pair]}
+    ranked = acquisition_named("thompson").rank_pairs(
+        stream(5, "acquisition", 1, 2), Situation(DRIVING_V1, posterior, None, 0.1, 0.0), 11
+    )
+    assert (found.method, found.score) == ("thompson", 0.0)
+    assert {tuple(found.weights_a), tuple(found.weights_b)} == {tuple(row) for row in ranked.weights[0]}
 
 
 def test_the_test_set_is_the_same_every_time_and_as_long_as_the_study_says():

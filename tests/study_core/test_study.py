@@ -32,10 +32,38 @@ def test_a_shipped_study_has_the_numbers_of_the_contract(name):
     assert study.response == response
     assert study.prior == Prior(support, 4)
     assert study.domain.id == "driving-v1"
-    assert (study.file.acquisition.method, study.file.acquisition.mu) == ("heuristic", 0.1)
-    assert study.file.trajectory.starts == 10
-    assert study.sampler.n_samples == 100
     assert study.sampler.n_chains >= 4
+
+
+@pytest.mark.parametrize("name", ["katz2021", "katz2021-code"])
+def test_the_papers_studies_choose_and_search_as_the_paper_does(name):
+    study = read_study(STUDIES / f"{name}.toml")
+    assert (study.file.acquisition.method, study.file.acquisition.mu) == ("heuristic", 0.1)
+    assert (study.file.trajectory.search, study.file.trajectory.starts) == ("starts", 10)
+    assert study.sampler.n_samples == 100
+    assert study.bank is None
+
+
+def test_quickstart_asks_what_says_most_among_realistic_drives():
+    study = read_study(STUDIES / "quickstart.toml")
+    section = study.file.acquisition
+    assert (section.method, section.min_difference) == ("information-gain-realistic", 0.5)
+    assert (study.file.trajectory.search, study.file.trajectory.starts) == ("bank", None)
+    assert study.sampler.n_samples == 300
+
+
+@pytest.mark.parametrize(
+    ("method", "search", "has_bank"),
+    [
+        ("heuristic", "starts", False),
+        ("heuristic", "bank", True),
+        ("information-gain", "starts", False),
+        ("regret", "starts", True),
+    ],
+)
+def test_a_study_has_a_bank_if_its_method_or_its_search_needs_one(method, search, has_bank):
+    study = parse_study(study_text(acquisition__method=method, trajectory__search=search))
+    assert (study.bank is not None) == has_bank
 
 
 def test_every_shipped_study_is_tested():
@@ -90,6 +118,8 @@ def test_optional_keys_have_their_defaults():
     text = study_text(response__lapse_rate=None, acquisition__mu=None, sampler__chains=None)
     study = parse_study(text)
     assert (study.response.lapse_rate, study.file.acquisition.mu, study.sampler.n_chains) == (0.0, 0.1, 4)
+    # What studies did before they could say: leave out equal drives alone, and search as in the paper.
+    assert (study.file.acquisition.min_difference, study.file.trajectory.search) == (0.0, "starts")
 
 
 MALFORMED = {
@@ -240,6 +270,14 @@ MALFORMED = {
     "more samples than draws": (
         {"sampler__samples": 1601},
         r"key 'sampler': samples can't exceed chains x draws",
+    ),
+    "a search from random starts without their number": (
+        {"trajectory__starts": None},
+        r"key 'trajectory': starts must be given with search = \"starts\"",
+    ),
+    "a bound below nothing": (
+        {"acquisition__min_difference": -0.1},
+        r"key 'acquisition\.min_difference': .*greater than or equal to 0, got -0\.1",
     ),
     "no starts": (
         {"trajectory__starts": 0},

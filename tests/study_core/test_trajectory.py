@@ -8,10 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from study_core import trajectory
+from study_core import lbfgs
+from study_core.bank import Bank, build_bank
+from study_core.distinctness import visible_difference
 from study_core.domains.driving import DRIVING_V1
-from study_core.trajectory import best_trajectories, maximise
+from study_core.errors import BankError
+from study_core.lbfgs import maximise
+from study_core.trajectory import best_from_bank, best_trajectories
 from tests.study_core import references
+from tests.study_core.hills import HillsDomain
 
 # The best reward known for these weights, and what the median of single random starts reaches.
 HARD_WEIGHTS = np.array([[0.36, 0.2, 0.39, 0.25]])
@@ -95,7 +100,7 @@ def test_what_is_called_converged_has_no_projected_gradient():
 
 
 def test_running_out_of_evaluations_is_reported_and_still_no_worse(monkeypatch):
-    monkeypatch.setattr(trajectory, "_MAX_EVALUATIONS", 3)
+    monkeypatch.setattr(lbfgs, "_MAX_EVALUATIONS", 3)
     rng = np.random.default_rng(6)
     starts, weights = rng.uniform(-1, 1, (20, 10)), references.prior_draws(rng, "sphere", 20)
     _, rewards, has_converged, n_evaluations = maximise(DRIVING_V1, starts, weights)
@@ -207,3 +212,90 @@ def test_starts_and_weights_are_left_as_they_were():
     maximise(DRIVING_V1, starts, weights)
     np.testing.assert_array_equal(starts, kept[0])
     np.testing.assert_array_equal(weights, kept[1])
+
+
+@pytest.fixture(scope="module")
+def driving_bank():
+    return build_bank(DRIVING_V1)
+
+
+def test_the_bank_finds_the_highest_of_known_hills():
+    domain = HillsDomain()
+    bank = build_bank(domain, 100)
+    weights = references.prior_draws(np.random.default_rng(21), "sphere", 200)[:, :3]
+    axis = np.linspace(-1, 1, 401)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    highest = (weights @ domain.features(grid[:, None, :]).T).max(axis=1)
+    best = best_from_bank(domain, bank, weights)
+    # The grid misses a top by at most a quarter of a cell's diagonal.
+    assert (best.rewards >= highest - 1e-12).all()
+    assert (best.rewards <= highest + 1e-3).all()
+    assert best.has_converged.all()
+
+
+def test_from_the_bank_the_result_is_at_least_as_good_as_every_drive_of_it(driving_bank):
+    weights = references.prior_draws(np.random.default_rng(22), "ball", 50)
+    best = best_from_bank(DRIVING_V1, driving_bank, weights)
+    assert (best.rewards >= (weights @ driving_bank.features.T).max(axis=1) - 1e-12).all()
+    np.testing.assert_allclose(best.rewards, rewards_of(best.controls, weights), rtol=0, atol=1e-12)
+    assert (np.abs(best.controls) <= 1.0).all()
+    assert best.has_converged.all()
+
+
+def test_from_the_bank_a_row_of_the_batch_does_not_see_its_neighbours(driving_bank):
+    weights = references.prior_draws(np.random.default_rng(23), "sphere", 8)
+    together = best_from_bank(DRIVING_V1, driving_bank, weights)
+    for k in range(8):
+        alone = best_from_bank(DRIVING_V1, driving_bank, weights[k : k + 1])
+        np.testing.assert_array_equal(alone.controls[0], together.controls[k])
+        assert alone.rewards[0] == together.rewards[k]
+
+
+def test_warm_starts_are_the_best_drives_of_the_bank_that_look_different(driving_bank):
+    weights = references.prior_draws(np.random.default_rng(24), "sphere", 6)
+    spy = references.FirstEvaluation(DRIVING_V1)
+    best_from_bank(spy, driving_bank, weights)
+    for own, starts in zip(weights, spy.starts.reshape(6, 3, 10), strict=True):
+        expected = []
+        for row in np.argsort(-(driving_bank.features @ own)):
+            paths = driving_bank.paths[[row] * len(expected)]
+            if (visible_difference(paths, driving_bank.paths[expected]) > 0.25).all():
+                expected.append(row)
+            if len(expected) == 3:
+                break
+        np.testing.assert_array_equal(starts, driving_bank.controls[expected])
+
+
+def test_a_bank_of_one_drive_is_enough(driving_bank):
+    one = Bank(
+        "driving-v1",
+        "",
+        driving_bank.controls[:1],
+        driving_bank.features[:1],
+        driving_bank.weights[:1],
+        driving_bank.paths[:1],
+    )
+    best = best_from_bank(DRIVING_V1, one, one.weights)
+    assert best.rewards[0] == pytest.approx(float(one.features[0] @ one.weights[0]), abs=1e-9)
+
+
+def test_a_bank_of_another_domain_is_refused():
+    bank = build_bank(HillsDomain(), 20)
+    with pytest.raises(BankError, match=r"Expected a bank of 'driving-v1', got one of 'hills-v1'\. Open it"):
+        best_from_bank(DRIVING_V1, bank, WEIGHTS)
+
+
+def test_from_the_bank_the_hard_case_is_as_good_as_a_thousand_starts(driving_bank):
+    best = best_from_bank(DRIVING_V1, driving_bank, HARD_WEIGHTS)
+    assert best.rewards[0] == pytest.approx(HARD_BEST, abs=5e-5)
+
+
+@pytest.mark.slow
+def test_the_bank_does_what_a_thousand_starts_of_scipy_do(driving_bank):
+    """SciPy climbs on its own; for 6 weight vectors, 6,000 climbs."""
+    for number, weights in enumerate(references.prior_draws(np.random.default_rng(25), "sphere", 6)):
+        starts = np.random.default_rng([26, number]).uniform(-1, 1, (1000, 10))
+        theirs = max(by_scipy(start, weights) for start in starts)
+        (ours,) = best_from_bank(DRIVING_V1, driving_bank, weights[None]).rewards
+        rewards = driving_bank.features @ weights
+        assert ours >= theirs - 1e-3 * np.ptp(rewards)

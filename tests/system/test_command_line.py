@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import socket
 import sqlite3
@@ -70,6 +71,26 @@ def test_simulated_people_are_the_same_whatever_the_database_holds(tmp_path: Pat
     assert [person["participant"] for person in people] == ["rehearsal-9-1", "rehearsal-9-2"]
     with sqlite3.connect(tmp_path / "s.db") as rows:
         assert rows.execute("select count(*), sum(is_rehearsed) from sessions").fetchone() == (4, 4)
+
+
+def test_simulated_people_are_written_as_one_tidy_table(tmp_path: Path) -> None:
+    options = ("simulate", "--people", "2", "--seed", "9", "--drift", "0.05", "--workers", "1")
+    for name in ("one.csv", "two.csv"):
+        database = f"sqlite:///{tmp_path / name}.db"
+        done = run(*options, "--database", database, "--out", str(tmp_path / name))
+        assert done.returncode == 0, done.stderr
+    text = (tmp_path / "one.csv").read_text()
+    assert text == (tmp_path / "two.csv").read_text()
+    rows = list(csv.DictReader(text.splitlines()))
+    assert len(rows) == 2 * 12
+    assert {row["participant"] for row in rows} == {"rehearsal-9-1", "rehearsal-9-2"}
+    assert all(0.0 < float(row["alignment"]) <= 1.0 for row in rows)
+
+
+def test_a_table_that_cannot_be_written_is_refused_before_anybody_walks(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 's.db'}"
+    assert_one_line_with(run("simulate", "--database", database, "--out", "people.xlsx"), ".csv or .jsonl")
+    assert not (tmp_path / "s.db").exists()
 
 
 def test_an_exported_session_replays_from_the_command_line(tmp_path: Path) -> None:

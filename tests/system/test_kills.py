@@ -5,13 +5,16 @@ from __future__ import annotations
 import random
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 
 from app.settings import find_study
 from app.store import open_store
+from tests.support.screens import Screen, screens
 from tests.support.server import ServerProcess, kill_process, running_server
 
 pytestmark = pytest.mark.slow
@@ -38,7 +41,7 @@ class Person(threading.Thread):
 
     def __init__(self, url: str, seed: int) -> None:
         super().__init__(daemon=True)
-        self._client = httpx.Client(base_url=url, timeout=5.0)
+        self._client = httpx.Client(base_url=url, timeout=25.0)
         self._random = random.Random(seed)
         self.acknowledged: dict[int, str] = {}
         self.finished = threading.Event()
@@ -48,7 +51,7 @@ class Person(threading.Thread):
 
     def run(self) -> None:
         try:
-            screen = self._insist("GET", "screen?after=-1", None)
+            screen = self._insist(lambda: self._hear(after=-1))
             while screen["kind"] != "finished":
                 screen = self._step(screen)
             self._client.close()
@@ -56,29 +59,34 @@ class Person(threading.Thread):
         except Exception as error:  # noqa: BLE001 - shown by the test
             self.failure = error
 
-    def _step(self, screen: dict[str, object]) -> dict[str, object]:
+    def _step(self, screen: Screen) -> Screen:
         if screen["kind"] == "preparing":
-            return self._insist("GET", f"screen?after={screen['position']}", None)
+            return self._insist(lambda: self._hear(after=screen["position"]))
         index, choice = screen["query_index"], self._random.choice("ab")
         time.sleep(self._random.uniform(0.2, 1.0))
         body = {"query_index": index, "choice": choice, "response_time_ms": 700}
-        receipt = self._insist("POST", "answer", body)
+        receipt = self._insist(lambda: self._post(body))
         assert receipt["outcome"] in ("taken", "already-taken")
-        assert isinstance(index, int)
         self.acknowledged[index] = choice
-        return dict(receipt["screen"])  # type: ignore[call-overload]
+        return dict(receipt["screen"])
 
-    def _insist(self, method: str, path: str, body: dict[str, object] | None) -> dict[str, object]:
+    def _hear(self, after: int) -> Screen:
+        return next(screen for screen in screens(self._client, self._home) if screen["position"] > after)
+
+    def _post(self, body: dict[str, object]) -> dict[str, Any]:
+        return dict(self._client.post(self._home + "answer", json=body).raise_for_status().json())
+
+    def _insist(self, ask: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Repeats a request until it is answered; the same answer may so be posted twice."""
         deadline = time.monotonic() + 240
         while time.monotonic() < deadline:
             try:
-                response = self._client.request(method, self._home + path, json=body, timeout=25.0)
-                if response.status_code == 200:
-                    return dict(response.json())
-                assert response.status_code >= 500, response.text
+                return ask()
             except httpx.TransportError:
                 pass
+            except httpx.HTTPStatusError as refused:
+                if refused.response.status_code < 500:
+                    raise
             time.sleep(0.1)
         raise AssertionError("the server did not come back")
 

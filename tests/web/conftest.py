@@ -1,12 +1,21 @@
-"""The real site in a process of its own, and a program that talks to it."""
+"""The real site, in a process of its own or in this one, and a program that talks to it."""
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import httpx
 import pytest
+import uvicorn
 
+from app import wiring
+from app.settings import find_study
+from app.web.site import SiteParts, create_site
+from tests.support.screens import first_question
 from tests.support.server import ServerProcess, running_server
 
 TOKENS: list[str] = []
@@ -38,8 +47,38 @@ def join(server: ServerProcess) -> str:
         joined = visitor.post("/join/quickstart", content=b"")
         assert joined.status_code == 303
         home = joined.headers["location"]
-        screen = visitor.get(f"{home}screen?after=-1").json()
-        while screen["kind"] != "question":
-            screen = visitor.get(f"{home}screen?after={screen['position']}").json()
+        first_question(visitor, home)
     TOKENS.append(home.strip("/").removeprefix("s/"))
     return TOKENS[-1]
+
+
+@pytest.fixture
+def parts(tmp_path: Path) -> Iterator[SiteParts]:
+    """What a site in this process is made of."""
+    database = f"sqlite:///{tmp_path / 'site.db'}"
+    settings = wiring.ServeSettings(find_study("quickstart"), database, "127.0.0.1", 0, 1, None, None)
+    with wiring.headless(database) as runtime:
+        runtime.open_study(settings.study)
+        yield wiring._parts(settings, runtime)
+
+
+@pytest.fixture
+def url(parts: SiteParts) -> Iterator[str]:
+    """The address of a site in this process."""
+    with serving(parts) as address:
+        yield address
+
+
+@contextmanager
+def serving(parts: SiteParts) -> Iterator[str]:
+    """Serves a site in this process, at the address that is given."""
+    server = uvicorn.Server(
+        uvicorn.Config(create_site(parts), port=0, log_level="critical", ws="websockets-sansio")
+    )
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    server.should_exit = True
+    thread.join()

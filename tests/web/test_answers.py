@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from typing import Any
 
 import httpx
 import pytest
 
+from app.web.site import SiteParts
+from study_core.study import parse_study
+from tests.support.screens import first_question, screens
 from tests.support.server import ServerProcess
-from tests.web.conftest import join
+from tests.web.conftest import join, serving
 
 ANSWER: dict[str, Any] = {"query_index": 0, "choice": "a", "response_time_ms": 900}
 
@@ -115,5 +120,24 @@ def test_our_own_page_can_answer(server: ServerProcess, client: httpx.Client) ->
 def test_a_refused_answer_leaves_the_question_open(client: httpx.Client, token: str) -> None:
     client.post(f"/s/{token}/answer", json={**ANSWER, "choice": "c"})
     client.post(f"/s/{token}/answer", json=ANSWER, headers={"Origin": "https://elsewhere.example"})
-    screen = client.get(f"/s/{token}/screen").json()
+    screen = next(screens(client, f"/s/{token}/"))
     assert (screen["kind"], screen["query_index"]) == ("question", 0)
+
+
+def test_a_page_has_a_button_for_every_answer_that_the_study_offers_and_the_answer_counts(
+    parts: SiteParts,
+) -> None:
+    text = parts.study.text.replace("lapse_rate = 0.1", 'lapse_rate = 0.1\nanswers = ["a", "b", "skip"]')
+    study = parse_study(text.replace('name = "quickstart"', 'name = "skips"'))
+    parts.runtime.open_study(study)
+    with serving(replace(parts, study=study)) as url, httpx.Client(base_url=url) as client:
+        home = client.post("/join/skips", content=b"").headers["location"]
+        first_question(client, home)
+        page = client.get(home).text
+        assert re.findall(r'data-choice="(\w+)"', page) == ["a", "b", "skip"]
+        skipped = client.post(f"{home}answer", json={**ANSWER, "choice": "skip"}).json()
+        assert skipped["outcome"] == "taken"
+        assert skipped["screen"]["number"] == 2
+        refused = client.post(f"{home}answer", json={**ANSWER, "choice": "unsure"})
+        assert refused.status_code == 422
+        assert "'skip'" in refused.json()["error"]["message"]

@@ -6,6 +6,7 @@ import httpx
 import pytest
 
 from app.settings import find_study
+from tests.support.screens import screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import TOKENS, join
 
@@ -13,6 +14,7 @@ BROWSER = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
 UNKNOWN = [
     "/join/no-such-study",
     "/s/no-such-token/",
+    "/s/no-such-token/screens",
     "/s/no-such-token/stage/",
     "/nothing/here",
     "/static/nothing.css",
@@ -75,12 +77,12 @@ def test_nobody_can_write_to_an_unknown_session(client: httpx.Client, path: str)
 
 
 @pytest.mark.parametrize(
-    "path", ["/join/quickstart", "/s/{token}/", "/s/{token}/screen", "/s/{token}/stage/", "/healthz"]
+    "path", ["/join/quickstart", "/s/{token}/", "/s/{token}/screens", "/s/{token}/stage/", "/healthz"]
 )
 def test_every_page_has_safe_headers(client: httpx.Client, token: str, path: str) -> None:
-    response = client.get(path.format(token=token), headers=BROWSER)
-    assert response.status_code == 200
-    assert_safe(response)
+    with client.stream("GET", path.format(token=token), headers=BROWSER) as response:
+        assert response.status_code == 200
+        assert_safe(response)
     expected = "private, no-cache" if path.endswith("stage/") else "no-store"
     assert response.headers["cache-control"] == expected
 
@@ -112,7 +114,7 @@ def test_the_log_never_holds_a_secret(server: ServerProcess, client: httpx.Clien
     assert client.post(f"/s/{token}/answer", json=body).json()["outcome"] == "taken"
     client.post(f"/s/{token}/answer", json={"choice": "?"})
     client.get(f"/s/{token}/nothing")
-    client.get(f"/s/{token}/screen?after=x")
+    next(screens(client, f"/s/{token}/"))
     log = (server.folder / "serve.log").read_text()
     assert len(TOKENS) > 0
     assert not [secret for secret in TOKENS if secret in log]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import httpx
 
+from tests.support.screens import screens
 from tests.support.server import ServerProcess, free_port, running_server
 from tests.web.conftest import join
 
@@ -45,15 +45,14 @@ def test_sigterm_ends_the_server_and_its_engine_cleanly_while_somebody_waits(tmp
         assert len(engine) == 3
         token = join(server)
         with httpx.Client(base_url=server.url, timeout=60.0) as client:
-            position = client.get(f"/s/{token}/screen").json()["position"]
-            with socket.create_connection(("127.0.0.1", server.port)) as waiting:
-                # A long poll is open when the signal comes.
-                poll = f"GET /s/{token}/screen?after={position + 1} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-                waiting.sendall(poll.encode())
-                assert client.get("/healthz").status_code == 200
-                server.process.send_signal(signal.SIGTERM)
-                assert server.process.wait(60) == 0
+            told = screens(client, f"/s/{token}/")
+            assert next(told)["kind"] == "question"
+            server.process.send_signal(signal.SIGTERM)
+            assert list(told) == []
+            assert server.process.wait(60) == 0
         assert server.process.stdout is not None
         server.process.stdout.close()
         assert not [process_id for process_id in engine if Path(f"/proc/{process_id}").exists()]
-        assert "Traceback" not in (server.folder / "serve.log").read_text()
+        log = (server.folder / "serve.log").read_text()
+        assert "Traceback" not in log
+        assert "graceful" not in log, "somebody had to be thrown out"

@@ -12,6 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from app.stage.proxy import SUBPROTOCOL
+from tests.support.screens import screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import join
 
@@ -131,7 +132,7 @@ def test_a_layout_is_noted_before_there_is_a_stage_and_nothing_else_is(
         connection.recv(timeout=60)
         for action in ("pause", "resume", "replay", "wide"):
             assert client.post(f"/s/{fresh}/stage", json={"action": action}).status_code == 204
-        assert client.get(f"/s/{fresh}/screen").json()["stage_viewers"] == 1
+        assert next(screens(client, f"/s/{fresh}/"))["stage_viewers"] == 1
 
 
 @pytest.mark.parametrize("body", [{"action": "close"}, {}, {"action": "pause", "more": 1}, []])

@@ -5,8 +5,10 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from study_core.acquisition.heuristic import rank_pairs
+from study_core.acquisition import heuristic
+from study_core.acquisition.pairs import Situation
 from study_core.choice import ResponseParameters
+from study_core.domains.driving import DRIVING_V1
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
@@ -17,6 +19,17 @@ def posterior_of(samples, log_likelihoods):
     return Posterior(
         samples, ResponseParameters.constant(len(samples), 50.0), log_likelihoods, samples.mean(axis=0), NONE
     )
+
+
+def rank_pairs(rng, posterior, mu, n_pairs):
+    return heuristic.rank_pairs(rng, Situation(DRIVING_V1, posterior, None, mu, 0.0), n_pairs)
+
+
+def rows_of(samples, ranked):
+    """Which rows of the samples each ranked pair is made of; of equal rows, any."""
+    return [
+        tuple(int(np.flatnonzero((samples == w).all(axis=1))[0]) for w in pair) for pair in ranked.weights
+    ]
 
 
 def brute_force(samples, log_likelihoods, mu):
@@ -49,14 +62,14 @@ def test_the_ranking_is_what_exact_arithmetic_gives(case, mu):
     samples, log_likelihoods = np.abs(rng.normal(0, 0.5, (25, 4))), CASES[case](rng)
     expected = brute_force(samples, log_likelihoods, mu)
     ranked = rank_pairs(rng, posterior_of(samples, log_likelihoods), mu, 300)
-    assert [tuple(pair) for pair in ranked.indices] == [pair for _, pair in expected]
+    assert rows_of(samples, ranked) == [pair for _, pair in expected]
     np.testing.assert_allclose(ranked.scores, [float(score) for score, _ in expected], rtol=1e-13)
 
 
 def test_before_the_first_answer_the_two_samples_farthest_apart_are_asked_about():
     samples = np.array([[0.1, 0.1], [0.9, 0.1], [0.2, 0.3], [0.1, 0.8]])
     ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, np.zeros(4)), 0.1, 1)
-    assert ranked.indices.tolist() == [[1, 3]]
+    assert rows_of(samples, ranked) == [(1, 3)]
     assert ranked.scores[0] == pytest.approx(1.0 + 0.1 * (0.8**2 + 0.7**2) ** 0.5, abs=1e-15)
 
 
@@ -65,16 +78,17 @@ def test_likely_samples_are_preferred_to_unlikely_ones():
     samples = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.01], [0.01, 1.0]])
     log_likelihoods = np.array([-0.1, -0.1, -5.0, -5.0])
     ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_likelihoods), 0.1, 6)
-    assert ranked.indices[0].tolist() == [0, 1]
+    assert rows_of(samples, ranked)[0] == (0, 1)
 
 
 def test_without_a_weight_for_distance_the_two_likeliest_samples_win():
     samples = np.random.default_rng(3).random((10, 4))
     log_likelihoods = -np.arange(10.0)[::-1]
     ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_likelihoods), 0.0, 1)
-    assert ranked.indices.tolist() == [[8, 9]]
+    assert rows_of(samples, ranked) == [(8, 9)]
 
 
 def test_equal_scores_keep_the_order_of_the_samples():
-    ranked = rank_pairs(np.random.default_rng(0), posterior_of(np.ones((4, 2)), np.zeros(4)), 0.1, 6)
-    assert ranked.indices.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    samples = np.eye(4)
+    ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, np.zeros(4)), 0.1, 6)
+    assert rows_of(samples, ranked) == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]

@@ -1,19 +1,17 @@
 """The posterior keeps an even share of its draws, diagnoses all of them, and draws until they are enough."""
 
-import math
-
 import arviz
 import numpy as np
 import pytest
 
-from study_core.choice import ResponseModel, ResponseParameters
-from study_core.comparison import Choice, ComparisonSet
+from study_core.choice import ResponseModel
+from study_core.comparison import ComparisonSet
 from study_core.posterior import run
 from study_core.posterior.annealing import learn_proposal
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.metropolis import run_chains
 from study_core.posterior.prior import Prior
-from study_core.posterior.run import Posterior, SamplerSettings, infer
+from study_core.posterior.run import SamplerSettings, infer
 from study_core.posterior.target import Target
 from study_core.streams import stream
 from study_core.study import SamplerSection
@@ -198,18 +196,3 @@ def test_every_sample_lies_in_the_support(support):
 def test_without_answers_every_log_likelihood_is_zero():
     posterior = infer(np.random.default_rng(3), PRIOR, MODEL, ComparisonSet.empty(4), ONE_ROUND)
     np.testing.assert_allclose(posterior.log_likelihoods, 0.0, rtol=0, atol=1e-12)
-
-
-def test_the_predicted_probability_averages_probabilities_and_not_weights():
-    samples = np.array([[1.0, 0.0], [0.0, 1.0], [0.3, 0.3]])
-    parameters = ResponseParameters(np.array([50.0, 5.0, 20.0]), np.array([0.1, 0.0, 0.2]), np.zeros(3))
-    diagnostics = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3, 3)
-    posterior = Posterior(samples, parameters, np.zeros(3), samples.mean(axis=0), diagnostics)
-    expected = [
-        0.05 + 0.9 / (1 + math.exp(-50.0 * 0.1)),
-        1 / (1 + math.exp(-5.0 * -0.02)),
-        0.1 + 0.8 / (1 + math.exp(-20.0 * 0.3 * 0.08)),
-    ]
-    for choice, value in ((Choice.A, math.fsum(expected) / 3), (Choice.B, 1 - math.fsum(expected) / 3)):
-        predicted = posterior.predicted_probability(choice, np.array([0.1, -0.02]))
-        assert predicted == pytest.approx(value, abs=1e-15)

@@ -1,0 +1,65 @@
+"""The best pair of all that can be driven: both drives' controls climb together, from random starts.
+
+An objective of psi = Phi(A) - Phi(B) has the slope g in psi. By the chain rule its slope in A's controls is that of
+the reward g . Phi(A), and in B's that of -g . Phi(B): a domain that can differentiate rewards can differentiate any
+such objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from study_core import lbfgs
+from study_core.acquisition.pairs import RankedTrajectories
+from study_core.domain import Domain
+
+# As many as the paper gives each trajectory.
+_N_STARTS = 10
+
+# The last percent of the objective would take twenty times as long.
+_MAX_EVALUATIONS = 100
+
+Objective = Callable[
+    [Float[np.ndarray, "n n_features"]], tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_features"]]
+]
+"""Takes psi of each pair; gives values and slopes in psi."""
+
+
+def climb_pairs(
+    rng: np.random.Generator,
+    domain: Domain,
+    objective: Objective,
+    score: Callable[[Float[np.ndarray, "n n_features"]], Float[np.ndarray, " n"]] | None = None,
+) -> RankedTrajectories:
+    """Returns the pairs that the climbs end at, best first.
+
+    Args:
+        rng: Draws the starts, uniform within the bounds.
+        domain: Supplies features and gradients.
+        objective: What is climbed, smooth.
+        score: What the pairs are ranked by, of their psi, if not the objective.
+    """
+    lower, upper = np.tile(domain.control_lower, 2), np.tile(domain.control_upper, 2)
+    starts = rng.uniform(lower, upper, (_N_STARTS, len(lower)))
+
+    def evaluate(
+        points: Float[np.ndarray, "n n_both"], rows: Int[np.ndarray, " n"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_both"]]:
+        values, slopes = objective(_psis(domain, points))
+        both = np.stack([slopes, -slopes], axis=1).reshape(-1, slopes.shape[1])
+        _, gradients = domain.reward_and_gradient(points.reshape(len(both), -1), both)
+        return values, gradients.reshape(points.shape)
+
+    points, values, has_converged, _ = lbfgs.climb(evaluate, starts, lower, upper, _MAX_EVALUATIONS)
+    scores = values if score is None else score(_psis(domain, points))
+    best = np.argsort(-scores, kind="stable")
+    controls = points[best].reshape(len(points), 2, -1)
+    return RankedTrajectories(controls, None, scores[best], has_converged[best])
+
+
+def _psis(domain: Domain, points: Float[np.ndarray, "n n_both"]) -> Float[np.ndarray, "n n_features"]:
+    features = domain.features(domain.rollout(points.reshape(2 * len(points), -1)))
+    return features[0::2] - features[1::2]
