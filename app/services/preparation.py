@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 _WAITED_FOR = 10.0
 _AHEAD = 0.0
 
+_LEVELS = (0.05, 0.5, 0.95)
+
 
 def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     """Starts computing what follows the current query, for each answer that makes a difference."""
@@ -152,10 +154,11 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
 
 
 def _spread(parameters: ResponseParameters) -> dict[str, dict[str, float]]:
-    """Returns mean and standard deviation of each response parameter; a fixed one has 0 for the latter."""
-    columns = {name: getattr(parameters, name) for name in PARAMETER_PRIORS}
+    """Returns median and 90 % range of each response parameter; a fixed one has no range."""
+    quantiles = {name: np.quantile(getattr(parameters, name), _LEVELS) for name in PARAMETER_PRIORS}
     return {
-        name: {"mean": float(column.mean()), "sd": float(column.std())} for name, column in columns.items()
+        name: dict(zip(("q05", "median", "q95"), values.tolist(), strict=True))
+        for name, values in quantiles.items()
     }
 
 

@@ -92,8 +92,9 @@ def test_posteriors_name_what_was_inferred_and_say_whether_to_trust_it(tmp_path:
         assert row["has_converged"] is True
         assert row["warning"] is None
         assert row["n_draws"] >= 3000  # type: ignore[operator]
-        assert row["lapse_rate"] == {"mean": 0.1, "sd": 0.0}
-        assert row["rationality"]["sd"] > 1.0  # type: ignore[index,call-overload]
+        assert row["lapse_rate"] == {"q05": 0.1, "median": 0.1, "q95": 0.1}
+        low, middle, high = (row["rationality"][key] for key in ("q05", "median", "q95"))  # type: ignore[index,call-overload]
+        assert low < middle / 2 < 2 * middle < high
 
 
 def test_csv_holds_the_same_rows_with_a_column_a_number(
