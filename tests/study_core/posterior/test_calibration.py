@@ -21,13 +21,14 @@ from tests.study_core import references
 from tests.study_core.posterior import brute_force
 from tests.study_core.posterior.brute_force import Case
 
-N_DATA_SETS = 300
+N_DATA_SETS = 600
 N_SAMPLES = 99
 N_BINS = 20
 N_ANSWERS = 25
 SETTINGS = SamplerSettings(4, 200, 750, 3000, N_SAMPLES)
-# The smallest p-value over all quantities of a case, times their number, is below this once in a hundred cases.
-SMALLEST_P = 0.01
+# The smallest p-value over all quantities of a case, times their number, is below this in one of six cases once in a
+# hundred suites. (With 2,500 data sets each, five of the cases were looked at once: from 0.33 upwards.)
+SMALLEST_P = 0.01 / 6
 
 CASES = {
     "sphere with lapses": Case("sphere", rationality=200.0, lapse_rate=0.1),
@@ -143,14 +144,14 @@ def take_a_narrower_prior(monkeypatch):
 def test_a_planted_error_in_the_code_is_caught_by_the_ranks(monkeypatch, plant):
     case = CASES["rationality and lapses inferred"]
     plant(monkeypatch)
-    assert smallest_p(ranks(case, response_of(case))) < SMALLEST_P / 10
+    assert smallest_p(ranks(case, response_of(case))) < SMALLEST_P
 
 
 @pytest.mark.slow
 @pytest.mark.statistical
 def test_a_planted_missing_lapse_is_caught_by_the_ranks():
     case = CASES["sphere with lapses"]
-    assert smallest_p(ranks(case, ResponseModel("sigmoid", 200.0, 0.0))) < SMALLEST_P / 10
+    assert smallest_p(ranks(case, ResponseModel("sigmoid", 200.0, 0.0))) < SMALLEST_P
 
 
 @pytest.mark.slow
@@ -164,7 +165,7 @@ def test_a_planted_wrong_prior_of_the_weights_is_caught_by_the_ranks(monkeypatch
         return weights / np.linalg.norm(weights, axis=1, keepdims=True)
 
     monkeypatch.setattr(references, "prior_draws", one_sided)
-    assert smallest_p(ranks(case, response_of(case))) < SMALLEST_P / 10
+    assert smallest_p(ranks(case, response_of(case))) < SMALLEST_P
 
 
 def test_uniform_ranks_pass_and_skewed_ones_do_not():
@@ -173,4 +174,4 @@ def test_uniform_ranks_pass_and_skewed_ones_do_not():
     assert smallest_p(uniform) > SMALLEST_P
     skewed = uniform.copy()
     skewed[:, 2] = (N_SAMPLES * rng.random(N_DATA_SETS) ** 1.4).astype(int)
-    assert smallest_p(skewed) < SMALLEST_P / 10
+    assert smallest_p(skewed) < SMALLEST_P
