@@ -1,5 +1,7 @@
 """What is said of the published study, on somebody made up."""
 
+from dataclasses import replace
+
 import pytest
 from rich.progress import Progress
 
@@ -14,7 +16,9 @@ def result(monkeypatch, tmp_path):
     few = SamplerSettings(n_chains=4, n_warmup=100, n_draws=300, most_draws=300, n_samples=200)
     monkeypatch.setattr(hand_coded, "SETTINGS", few)
     monkeypatch.setattr(published, "MODELS", {"beta 50": hand_coded.MODELS["beta 50"]})
-    monkeypatch.setattr(published, "read_study", lambda directory: {3: somebody(), 5: somebody()})
+    monkeypatch.setattr(
+        published, "read_study", lambda directory: {3: somebody(), 5: replace(somebody(), number=5)}
+    )
     with Progress(disable=True) as progress:
         return published.run(0, tmp_path, progress)
 
