@@ -271,6 +271,24 @@ def bench_serve(
         _print_result(serve_bench.run(seed, people, answers, progress), json_)
 
 
+@bench.command("published")
+def bench_published(
+    data: Annotated[
+        Path,
+        typer.Option(
+            "--data", envvar="PREFSTUDY_PUBLISHED_DATA", help="Folder of the published study's JLD2 files."
+        ),
+    ],
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+) -> None:
+    """Test accuracy of each response model on the published study, fitted to training answers alone."""
+    from app.bench import published
+
+    with _progress() as progress:
+        _print_result(published.run(seed, data, progress), json_)
+
+
 def _open_bank(study: Study) -> None:
     """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
     from study_core.bank import open_bank

@@ -101,9 +101,13 @@ def draw_person(
     answers: tuple[Choice, ...] = A_OR_B,
     habits: Habits = NO_HABITS,
 ) -> SimulatedPerson:
-    """Returns the simulated person of that number: weights from the prior, the same whatever their habits."""
+    """Returns the simulated person of that number: weights from the prior, the same whatever their habits.
+
+    What the study infers, or chooses by the evidence, is drawn from its prior, too.
+    """
     weights = prior.draw(stream(seed, "simulated-weights", number), 1)[0]
-    return SimulatedPerson(weights, response.parameters(1), answers, habits)
+    parameters = response.draw_parameters(stream(seed, "simulated-parameters", number), 1)
+    return SimulatedPerson(weights, parameters, answers, habits)
 
 
 def alignment(estimate: Float[np.ndarray, " n_features"], truth: Float[np.ndarray, " n_features"]) -> float:

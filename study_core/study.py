@@ -8,9 +8,18 @@ import tomllib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from study_core.acquisition import acquisition_named
 from study_core.bank import Bank, open_bank
@@ -21,7 +30,30 @@ from study_core.errors import StudyError, UnknownNameError
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
 
-AnswerName = Literal["a", "b", "unsure", "skip"]
+# Products of a few probabilities as small as this are still numbers.
+_SMALLEST_LAPSE_RATE = 1e-9
+
+AnswerName = Literal["a", "b", "same", "unsure", "skip"]
+
+
+def _kind_of_setting(value: object) -> str:
+    """Returns how a setting that may be a number or a word is to be read, so that errors speak of that alone."""
+    return "word" if isinstance(value, str) else "number"
+
+
+Rationality = Annotated[
+    Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["inferred", "evidence"], Tag("word")],
+    Discriminator(_kind_of_setting),
+]
+LapseRate = Annotated[
+    Annotated[float, Field(ge=0, lt=1), Tag("number")]
+    | Annotated[Literal["inferred", "evidence"], Tag("word")],
+    Discriminator(_kind_of_setting),
+]
+TieThreshold = Annotated[
+    Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["inferred"], Tag("word")],
+    Discriminator(_kind_of_setting),
+]
 
 
 class _Section(BaseModel):
@@ -54,10 +86,18 @@ class ResponseSection(_Section):
     """How people are assumed to answer."""
 
     model: Literal["sigmoid", "clipped-linear"]
-    rationality: float = Field(gt=0, description="beta, per unit of reward.")
-    lapse_rate: float = Field(0.0, ge=0, lt=1, description="Share of answers given at random.")
+    rationality: Rationality = Field(
+        description="beta, per unit of reward: a number, `inferred` or `evidence`."
+    )
+    lapse_rate: LapseRate = Field(
+        0.0, description="Share of answers given at random: a number, `inferred` or `evidence`."
+    )
     answers: tuple[AnswerName, ...] = Field(
-        ("a", "b"), description="What may be answered; `unsure` and `skip` say nothing about the person."
+        ("a", "b"),
+        description="What may be answered. `same` is about the same; `unsure` and `skip` say nothing about the person.",
+    )
+    tie_threshold: TieThreshold | None = Field(
+        None, description="eta of `same`, in units of beta times reward: a number or `inferred`."
     )
 
     @field_validator("answers", mode="before")
@@ -72,10 +112,32 @@ class ResponseSection(_Section):
             raise ValueError('answers must begin with "a", "b" and name none twice')
         return value
 
+    @field_validator("lapse_rate")
+    @classmethod
+    def _is_nothing_or_something(cls, value: LapseRate) -> LapseRate:
+        if not isinstance(value, str) and 0.0 < value < _SMALLEST_LAPSE_RATE:
+            raise ValueError(f"lapse_rate must be 0 or at least {_SMALLEST_LAPSE_RATE}")
+        return value
+
     @model_validator(mode="after")
-    def _clipped_linear_has_no_lapse(self) -> ResponseSection:
-        if self.model == "clipped-linear" and self.lapse_rate != 0.0:
+    def _clipped_linear_has_nothing_to_learn(self) -> ResponseSection:
+        if self.model != "clipped-linear":
+            return self
+        if isinstance(self.rationality, str):
+            raise ValueError(
+                "rationality must be a number for the clipped-linear model, whose likelihood isn't normalised over "
+                'the answers; learn it with model = "sigmoid"'
+            )
+        if self.lapse_rate != 0.0:
             raise ValueError("lapse_rate must be 0 for the clipped-linear model")
+        if "same" in self.answers:
+            raise ValueError('answers can\'t hold "same" for the clipped-linear model; it has only two')
+        return self
+
+    @model_validator(mode="after")
+    def _threshold_belongs_to_same(self) -> ResponseSection:
+        if ("same" in self.answers) != (self.tie_threshold is not None):
+            raise ValueError('tie_threshold and the answer "same" need each other; give both or neither')
         return self
 
 
@@ -90,13 +152,16 @@ class SamplerSection(_Section):
 
     samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
     chains: int = Field(4, ge=2, le=16)
-    warmup: int = Field(500, ge=100, description="Steps of each chain that only adapt the proposal.")
-    draws: int = Field(3500, ge=100, description="Steps of each chain that are kept.")
+    warmup: int = Field(200, ge=50, description="Draws of each warm-up stage for each coordinate.")
+    draws: int = Field(750, ge=100, description="Draws of each chain, if the diagnostics are satisfied.")
+    most_draws: int = Field(12_000, description="Draws of each chain after which an update ends in any case.")
 
     @model_validator(mode="after")
     def _has_enough_draws(self) -> SamplerSection:
         if self.samples > self.chains * self.draws:
             raise ValueError("samples can't exceed chains x draws")
+        if self.most_draws < self.draws:
+            raise ValueError("most_draws can't be less than draws")
         return self
 
 
@@ -190,7 +255,9 @@ class Study:
     def response(self) -> ResponseModel:
         """Returns the response model."""
         section = self.file.response
-        return ResponseModel(section.model, section.rationality, section.lapse_rate)
+        return ResponseModel(
+            section.model, section.rationality, section.lapse_rate, section.tie_threshold or 0.0
+        )
 
     @cached_property
     def answers(self) -> tuple[Choice, ...]:
@@ -206,7 +273,9 @@ class Study:
     def sampler(self) -> SamplerSettings:
         """Returns the sampler's settings."""
         section = self.file.sampler
-        return SamplerSettings(section.chains, section.warmup, section.draws, section.samples)
+        return SamplerSettings(
+            section.chains, section.warmup, section.draws, section.most_draws, section.samples
+        )
 
 
 @lru_cache(maxsize=32)
@@ -261,7 +330,8 @@ def _explain(error: ValidationError) -> str:
 
 
 def _explain_one(problem: Any) -> str:
-    *section, key = problem["loc"] or ("file",)
+    # What `_kind_of_setting` says isn't a part of the file.
+    *section, key = [part for part in problem["loc"] if part not in ("number", "word")] or ["file"]
     where = ".".join(str(part) for part in (*section, key))
     if problem["type"] == "extra_forbidden":
         known = _keys_of(section)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from app.bench.peers.target import LAPSE_RATE, RATIONALITY
 from study_core.choice import ResponseModel
-from study_core.comparison import ComparisonSet
+from study_core.comparison import Choice, ComparisonSet
 from study_core.domain import Domain
 from study_core.participants import draw_person
 from study_core.posterior.prior import Prior
@@ -53,5 +53,6 @@ def simulated_answers(domain: Domain, seed: int, number: int, n: int) -> Answers
     drives = best_trajectories(rng, domain, prior.draw(rng, _N_DRIVES), 1).controls
     features = domain.features(domain.rollout(drives))
     slates = features[np.array([rng.choice(_N_DRIVES, 2, replace=False) for _ in range(n)])]
-    is_first = rng.random(n) < RESPONSE.probability_of_a((slates[:, 0] - slates[:, 1]) @ person.weights)
+    reward_diffs = (slates[:, 0] - slates[:, 1]) @ person.weights
+    is_first = rng.random(n) < person.parameters.probability_of(Choice.A, reward_diffs[None])[0]
     return Answers(np.where(is_first[:, None, None], slates, slates[:, ::-1]))

@@ -64,7 +64,7 @@ def next_query(rng: np.random.Generator, study: Study, comparisons: ComparisonSe
     """
     began = time.perf_counter()
     diffs: list[list[float]] = comparisons.preferred_diffs.tolist()
-    chain, log_likelihoods = metropolis(rng, diffs, study.response.rationality)
+    chain, log_likelihoods = metropolis(rng, diffs, float(study.response.parameters(1).rationality[0]))
     sampled = time.perf_counter()
     kept = [
         round(i * (len(chain) - 1) / (study.sampler.n_samples - 1)) for i in range(study.sampler.n_samples)

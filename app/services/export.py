@@ -87,7 +87,7 @@ def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[s
         elif event.kind == "answer_given":
             yield "answers", {"person_id": record.id, **event.payload, "answered_at": event.at.isoformat()}
     for posterior in store.posteriors(record.id):
-        yield "posteriors", _posterior_row(record, study.domain, posterior)
+        yield "posteriors", _posterior_row(record, study, posterior)
 
 
 def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, ...]) -> Row:
@@ -136,10 +136,11 @@ def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row
     }
 
 
-def _posterior_row(record: SessionRecord, domain: Domain, posterior: PosteriorRecord) -> Row:
-    names = domain.feature_names
-    per_weight = {
-        key: dict(zip(names, posterior.summary[key], strict=True))
+def _posterior_row(record: SessionRecord, study: Study, posterior: PosteriorRecord) -> Row:
+    names = study.domain.feature_names
+    diagnosed = (*names, *study.response.inferred)
+    per_quantity = {
+        key: dict(zip(diagnosed, posterior.summary[key], strict=True))
         for key in ("r_hat", "ess_bulk", "ess_tail")
     }
     return {
@@ -147,5 +148,5 @@ def _posterior_row(record: SessionRecord, domain: Domain, posterior: PosteriorRe
         "query_index": posterior.query_index,
         "mean": dict(zip(names, posterior.mean.tolist(), strict=True)),
         **posterior.summary,
-        **per_weight,
+        **per_quantity,
     }

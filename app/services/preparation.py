@@ -10,6 +10,7 @@ import numpy as np
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord
+from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.run import Posterior
 from study_core.session import Action, Event, Phase, QueryPrepared, next_action, phase_of
@@ -19,6 +20,8 @@ log = logging.getLogger(__name__)
 # A person who waits comes before anything that is computed ahead.
 _WAITED_FOR = 10.0
 _AHEAD = 0.0
+
+_LEVELS = (0.05, 0.5, 0.95)
 
 
 def look_ahead(runtime: Runtime, live: LiveSession) -> None:
@@ -142,9 +145,21 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
         "ess_bulk": _finite(diagnostics.ess_bulk),
         "ess_tail": _finite(diagnostics.ess_tail),
         "acceptance": diagnostics.acceptance,
+        "n_draws": diagnostics.n_draws,
         "has_converged": diagnostics.has_converged,
+        "warning": diagnostics.warning,
+        **_spread(posterior.parameters),
     }
     return PosteriorRecord(query_index, posterior.mean, posterior.samples, summary)
+
+
+def _spread(parameters: ResponseParameters) -> dict[str, dict[str, float]]:
+    """Returns median and 90 % range of each response parameter; a fixed one has no range."""
+    quantiles = {name: np.quantile(getattr(parameters, name), _LEVELS) for name in PARAMETER_PRIORS}
+    return {
+        name: dict(zip(("q05", "median", "q95"), values.tolist(), strict=True))
+        for name, values in quantiles.items()
+    }
 
 
 def announce(runtime: Runtime, live: LiveSession, continuation: Continuation) -> None:
@@ -175,5 +190,5 @@ def _submit(runtime: Runtime, request: Request, urgency: float) -> Computation:
 
 
 def _finite(values: np.ndarray) -> list[float | None]:
-    """Returns numbers as JSON knows them; what isn't finite (a weight that never moved) is null."""
+    """Returns numbers as JSON knows them; what isn't finite (a quantity that never moved) is null."""
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
 from app.services.runtime import Runtime
 from study_core import session_codec
+from study_core.comparison import ComparisonSet
+from study_core.evaluation.metrics import accuracy
 from study_core.session import Phase, SessionState
 
 Json = dict[str, Any]
@@ -22,7 +27,7 @@ def summarise(runtime: Runtime, session_id: str) -> Json:
         "participant": live.state.participant,
         "queries": _queries(live.state),
         "posterior": {"mean": mean.tolist(), **posteriors[-1].summary},
-        "test_accuracy": test_accuracy(live.state, mean.tolist()),
+        "test_accuracy": test_accuracy(live.state, mean),
     }
 
 
@@ -41,11 +46,10 @@ def _queries(state: SessionState) -> list[Json]:
     return rows
 
 
-def test_accuracy(state: SessionState, weights: list[float]) -> float | None:
+def test_accuracy(state: SessionState, weights: Float[np.ndarray, " n_features"]) -> float | None:
     """Returns the share of test answers that w predicts, of those that prefer one; None without any."""
-    hits = [
-        float(prepared.proposed.query.feature_diff @ weights) * given.choice.sign > 0.0
-        for prepared, given in zip(state.prepared, state.answers, strict=False)
-        if prepared.phase is Phase.TEST and given.choice.sign != 0.0
-    ]
-    return sum(hits) / len(hits) if hits else None
+    test_answers = ComparisonSet.empty(len(weights))
+    for prepared, given in zip(state.prepared, state.answers, strict=False):
+        if prepared.phase is Phase.TEST and given.choice.sign != 0.0:
+            test_answers = test_answers.append(prepared.proposed.query, given.choice)
+    return accuracy(weights, test_answers) if len(test_answers) else None

@@ -1,1 +1,1 @@
-"""The posterior over reward weights: prior, adaptive Metropolis, diagnostics, and the run that joins them."""
+"""The posterior over reward weights: prior, warm-up, chains, diagnostics, evidence."""

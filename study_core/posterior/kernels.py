@@ -1,4 +1,4 @@
-"""Compiled adaptive Metropolis: several chains in lockstep on one log-density.
+"""Compiled densities and the compiled Metropolis-Hastings chains.
 
 All randomness comes in as arrays, so a chain is a pure function of its arguments.
 """
@@ -9,157 +9,147 @@ import numpy as np
 from numba import njit
 
 from study_core.choice_kernels import log_likelihood
+from study_core.posterior.mixture_kernels import log_density
 
 BALL = 0
 SPHERE = 1
 
-# Roberts, Gelman and Gilks (1997): the best acceptance rate falls to 0.234; 0.3 is near the best in 3 or 4 dimensions.
-_TARGET_ACCEPTANCE = 0.3
-_STEPS_PER_ADAPTATION = 20
-_SMALLEST_VARIANCE = 1e-10
+# Support, number of features, response kind, response parameters and packed answers; see `Target.for_kernels`.
+KernelTarget = tuple[int, int, int, tuple[np.ndarray, ...], tuple[np.ndarray, int, np.ndarray]]
+
+_QUARTER_PI = 0.25 * math.pi
+_SQRT_HALF = math.sqrt(0.5)
 
 
 @njit(cache=True)
-def prior_log_density(support, point, weights):
-    """Fills `weights` from the coordinates `point`; returns the log prior density there, -inf outside."""
+def log_prior(support, point, weights):
+    """Fills `weights` from the coordinates `point`; returns the log prior density there, up to a constant."""
     d = weights.shape[0]
-    squared = 0.0
-    if support == BALL:
-        for k in range(d):
-            if point[k] < 0.0:
-                return -math.inf
-            weights[k] = point[k]
-            squared += point[k] * point[k]
-        return 0.0 if squared <= 1.0 else -math.inf
-    last = 1.0
+    # What is left of the length after k angles, and the product of that over all but the last: sin(a_k)^(d - 1 - k).
+    remaining, density = 1.0, 1.0
     for k in range(d - 1):
-        if point[k] < 0.0:
-            return -math.inf
-        weights[k] = point[k]
-        squared += point[k] * point[k]
-        last -= point[k]
-    if last < 0.0:
-        return -math.inf
-    weights[d - 1] = last
-    length = math.sqrt(squared + last * last)
-    for k in range(d):
-        weights[k] /= length
-    return -d * math.log(length)
+        # The smaller of the angle and its complement keeps its digits.
+        smaller = _QUARTER_PI * math.erfc(abs(point[k]) * _SQRT_HALF)
+        if point[k] > 0.0:
+            weights[k] = remaining * math.sin(smaller)
+            remaining *= math.cos(smaller)
+        else:
+            weights[k] = remaining * math.cos(smaller)
+            remaining *= math.sin(smaller)
+        if k < d - 2:
+            density *= remaining
+    weights[d - 1] = remaining
+    if support == BALL:
+        length = (0.5 * math.erfc(-point[d - 1] * _SQRT_HALF)) ** (1.0 / d)
+        for k in range(d):
+            weights[k] *= length
+    squared = 0.0
+    for i in range(point.shape[0]):
+        squared += point[i] * point[i]
+    # Too far out for the product to be a number: nothing can be there.
+    return math.log(density) - 0.5 * squared if density > 0.0 else -math.inf
 
 
 @njit(cache=True)
-def _metropolis_step(target, point, log_density, factor, normals, exponential, proposal, weights):
-    """Moves one chain in place; returns its new log-density and whether it moved."""
-    support, kind, packed, n_answers, rationality, lapse_rate = target
-    n = point.shape[0]
-    for i in range(n):
-        proposal[i] = point[i]
-        for j in range(i + 1):
-            proposal[i] += factor[i, j] * normals[j]
-    # log(uniform) is minus an exponential variate: the proposal is accepted at or above this density.
-    floor = log_density - exponential
-    log_prior = prior_log_density(support, proposal, weights)
-    if log_prior == -math.inf:
-        return log_density, False
-    proposed = log_prior + log_likelihood(
-        kind, weights, packed, n_answers, rationality, lapse_rate, floor - log_prior
+def all_weights(support, n_features, points):
+    """Returns the weights at each row of coordinates."""
+    weights = np.empty((points.shape[0], n_features))
+    for i in range(points.shape[0]):
+        log_prior(support, points[i], weights[i])
+    return weights
+
+
+@njit(cache=True)
+def _parameters(response, point):
+    """Returns rationality, lapse rate and tie threshold at the coordinates `point`."""
+    fixed, places, locations, scales = response
+    rationality, lapse_rate, tie_threshold = fixed[0], fixed[1], fixed[2]
+    if places[0] >= 0:
+        rationality = math.exp(locations[0] + scales[0] * point[places[0]])
+    if places[1] >= 0:
+        lapse_rate = 1.0 / (1.0 + math.exp(-locations[1] - scales[1] * point[places[1]]))
+    if places[2] >= 0:
+        tie_threshold = math.exp(locations[2] + scales[2] * point[places[2]])
+    return rationality, lapse_rate, tie_threshold
+
+
+@njit(cache=True)
+def _log_posterior(target, point, weights, floor):
+    """Returns log prior + log-likelihood at a point, or anything below `floor` if it is below; fills `weights`."""
+    prior = log_prior(target[0], point, weights)
+    if prior < floor:
+        # The likelihood is at most 1.
+        return prior
+    rationality, lapse_rate, tie_threshold = _parameters(target[3], point)
+    return prior + log_likelihood(
+        target[2], weights, rationality, lapse_rate, tie_threshold, target[4], floor - prior
     )
-    if proposed < floor:
-        return log_density, False
-    point[:] = proposal
-    return proposed, True
 
 
 @njit(cache=True)
-def adapt(target, points, log_densities, covariance, normals, exponentials):
-    """Warms the chains up, learning one proposal from all of them (Haario 2001; Andrieu and Thoms 2008, alg. 4).
+def log_densities(target, points):
+    """Returns the log prior density and the log-likelihood of each point; a point too far out has -inf and 0."""
+    n = points.shape[0]
+    weights = np.empty(target[1])
+    priors, likelihoods = np.empty(n), np.zeros(n)
+    for i in range(n):
+        priors[i] = log_prior(target[0], points[i], weights)
+        if priors[i] > -math.inf:
+            rationality, lapse_rate, tie_threshold = _parameters(target[3], points[i])
+            likelihoods[i] = log_likelihood(
+                target[2], weights, rationality, lapse_rate, tie_threshold, target[4], -math.inf
+            )
+    return priors, likelihoods
+
+
+@njit(cache=True)
+def sample(target, points, mixture, walk_factor, leaps, leap_densities, steps, exponentials):
+    """Draws from every chain with fixed proposals.
+
+    A draw ends a sweep: first some leaps, whose proposals come from the mixture and don't depend on where the chain
+    is (Tierney 1994, sec. 2.3.3), then some steps of a random walk, which move a chain that the mixture doesn't fit.
 
     Args:
-        target: (support, response kind, packed diffs, number of answers, rationality, lapse rate).
+        target: See `Target.for_kernels`.
         points: Coordinates of each chain, `(n_chains, n)`; moved in place.
-        log_densities: Log-density of each chain, `(n_chains,)`; updated in place.
-        covariance: First guess of the posterior's covariance, `(n, n)`.
-        normals: Standard normal variates, `(n_steps, n_chains, n)`.
-        exponentials: Standard exponential variates, `(n_steps, n_chains)`.
+        mixture: See `mixture_kernels.log_density`.
+        walk_factor: Lower Cholesky factor of the random walk's covariance, `(n, n)`.
+        leaps: Draws from the mixture, `(n_chains, n_draws, n_leaps, n)`.
+        leap_densities: Log-density of the mixture at each, `(n_chains, n_draws, n_leaps)`.
+        steps: Standard normal variates of the random walk, `(n_chains, n_draws, n_steps, n)`.
+        exponentials: Standard exponential variates, `(n_chains, n_draws, n_leaps + n_steps)`.
 
     Returns:
-        The lower Cholesky factor of the proposal's covariance, to be used unchanged from here on.
+        Coordinates of every chain after each sweep, `(n_chains, n_draws, n)`, and how many leaps were accepted.
     """
-    n_steps, n_chains, n = normals.shape
-    proposal, weights = np.empty(n), np.empty(target[2].shape[1])
-    mean = np.zeros(n)
-    scatter = np.zeros((n, n))
-    n_seen = 0
-    log_scale = math.log(2.38 * 2.38 / n)
-    learn_from = n_steps // 5
-    factor = _proposal_factor(covariance, log_scale)
+    n_chains, n_draws, n_leaps, n = leaps.shape
+    n_steps = steps.shape[2]
+    proposal, weights = np.empty(n), np.empty(target[1])
+    draws = np.empty((n_chains, n_draws, n))
     n_accepted = 0
-    for t in range(n_steps):
-        for c in range(n_chains):
-            log_densities[c], moved = _metropolis_step(
-                target,
-                points[c],
-                log_densities[c],
-                factor,
-                normals[t, c],
-                exponentials[t, c],
-                proposal,
-                weights,
-            )
-            n_accepted += moved
-            if t >= learn_from:
-                n_seen += 1
-                _update_moments(points[c], n_seen, mean, scatter)
-        if (t + 1) % _STEPS_PER_ADAPTATION == 0:
-            rate = n_accepted / (n_chains * _STEPS_PER_ADAPTATION)
-            log_scale += (rate - _TARGET_ACCEPTANCE) * 3.0 / math.sqrt(1.0 + t / _STEPS_PER_ADAPTATION)
-            n_accepted = 0
-            if n_seen > 20 * n:
-                covariance = scatter / n_seen
-            factor = _proposal_factor(covariance, log_scale)
-    return factor
-
-
-@njit(cache=True)
-def _update_moments(point, n_seen, mean, scatter):
-    """Adds one point to the running mean and sum of squared deviations (Welford)."""
-    delta = point - mean
-    mean += delta / n_seen
-    scatter += np.outer(delta, point - mean)
-
-
-@njit(cache=True)
-def _proposal_factor(covariance, log_scale):
-    n = covariance.shape[0]
-    regularised = covariance + _SMALLEST_VARIANCE * np.eye(n)
-    return np.linalg.cholesky(math.exp(log_scale) * regularised)
-
-
-@njit(cache=True)
-def sample(target, points, log_densities, factor, normals, exponentials):
-    """Draws from every chain with one fixed proposal.
-
-    Returns:
-        Coordinates `(n_chains, n_steps, n)`, log-densities `(n_chains, n_steps)` and the share of moves accepted.
-    """
-    n_steps, n_chains, n = normals.shape
-    proposal, weights = np.empty(n), np.empty(target[2].shape[1])
-    draws = np.empty((n_chains, n_steps, n))
-    draw_log_densities = np.empty((n_chains, n_steps))
-    n_accepted = 0
-    for t in range(n_steps):
-        for c in range(n_chains):
-            log_densities[c], moved = _metropolis_step(
-                target,
-                points[c],
-                log_densities[c],
-                factor,
-                normals[t, c],
-                exponentials[t, c],
-                proposal,
-                weights,
-            )
-            n_accepted += moved
-            draws[c, t] = points[c]
-            draw_log_densities[c, t] = log_densities[c]
-    return draws, draw_log_densities, n_accepted / (n_steps * n_chains)
+    for c in range(n_chains):
+        point = points[c]
+        density = _log_posterior(target, point, weights, -math.inf)
+        leap_density = log_density(mixture, point)
+        for t in range(n_draws):
+            # log(uniform) is minus an exponential variate: a proposal is accepted at or above the floor.
+            for s in range(n_leaps):
+                gained = leap_densities[c, t, s] - leap_density
+                floor = density + gained - exponentials[c, t, s]
+                proposed = _log_posterior(target, leaps[c, t, s], weights, floor)
+                if proposed >= floor:
+                    point[:] = leaps[c, t, s]
+                    density, leap_density = proposed, leap_densities[c, t, s]
+                    n_accepted += 1
+            for s in range(n_steps):
+                for i in range(n):
+                    proposal[i] = point[i]
+                    for j in range(i + 1):
+                        proposal[i] += walk_factor[i, j] * steps[c, t, s, j]
+                floor = density - exponentials[c, t, n_leaps + s]
+                proposed = _log_posterior(target, proposal, weights, floor)
+                if proposed >= floor:
+                    point[:] = proposal
+                    density, leap_density = proposed, log_density(mixture, proposal)
+            draws[c, t] = point
+    return draws, n_accepted

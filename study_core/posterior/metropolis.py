@@ -1,4 +1,4 @@
-"""Adaptive Metropolis (Haario et al. 2001): warm-up learns the proposal, sampling leaves it alone."""
+"""Metropolis-Hastings chains whose proposals the warm-up has learned and sampling leaves alone."""
 
 from __future__ import annotations
 
@@ -7,104 +7,55 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from study_core.choice import ResponseModel
-from study_core.choice_kernels import pack
-from study_core.comparison import ComparisonSet
 from study_core.posterior import kernels
-from study_core.posterior.prior import Prior
+from study_core.posterior.annealing import Proposal
+from study_core.posterior.target import Target
 
-VERSION = "adaptive-metropolis-1"
+VERSION = "mixture-metropolis-1"
 
-# Candidates from the prior among which the chains' starts are drawn by their likelihood.
-_N_CANDIDATES = 512
-_N_FOR_COVARIANCE = 64
+# Each sweep, which ends in a draw: leaps to a point of the mixture, then steps of a random walk, more of them the
+# more coordinates, since the mixture fits less well there.
+_N_LEAPS = 2
+_COORDINATES_PER_STEP = 4
+_SWEEPS_BEFORE_DRAWING = 20
 
 
 @dataclass(frozen=True)
 class Chains:
-    """Draws after warm-up.
+    """Draws of several chains, in the target's coordinates.
 
     Attributes:
-        weights: w at every step of every chain, shape `(n_chains, n_draws, n_features)`.
-        log_likelihoods: log p(answers | w) at each, shape `(n_chains, n_draws)`.
-        acceptance: Share of proposals accepted while sampling.
+        points: Coordinates at the end of every sweep, shape `(n_chains, n_draws, n)`.
+        acceptance: Share of leaps that were accepted: how well the mixture fits.
     """
 
-    weights: Float[np.ndarray, "n_chains n_draws n_features"]
-    log_likelihoods: Float[np.ndarray, "n_chains n_draws"]
+    points: Float[np.ndarray, "n_chains n_draws n"]
     acceptance: float
 
 
-def run_chains(
-    rng: np.random.Generator,
-    prior: Prior,
-    response: ResponseModel,
-    comparisons: ComparisonSet,
-    n_chains: int,
-    n_warmup: int,
-    n_draws: int,
-) -> Chains:
-    """Draws from p(w | answers).
+def run_chains(rng: np.random.Generator, target: Target, proposal: Proposal, n_draws: int) -> Chains:
+    """Draws from the posterior.
 
     Args:
         rng: Source of all randomness.
-        prior: Prior over w.
-        response: Response model.
-        comparisons: The answers so far; none is well defined and gives the prior.
-        n_chains: Chains, in lockstep.
-        n_warmup: Steps of each chain that only adapt the proposal.
-        n_draws: Steps of each chain that are kept.
+        target: What is sampled.
+        proposal: What has been learned before; it stays as it is. A chain starts at each of its starts.
+        n_draws: Draws of each chain that are kept, after some that let it forget its start.
     """
-    target = (
-        prior.kernel_support,
-        response.kernel_kind,
-        *pack(comparisons.preferred_diffs),
-        response.rationality,
-        response.lapse_rate,
+    n_chains, n = proposal.starts.shape
+    n_sweeps, n_steps = _SWEEPS_BEFORE_DRAWING + n_draws, 1 + n // _COORDINATES_PER_STEP
+    leaps = proposal.mixture.draw(rng, n_chains * n_sweeps * _N_LEAPS)
+    leap_densities = proposal.mixture.log_density(leaps)
+    # Roberts, Gelman and Gilks (1997): the best random walk for a normal target.
+    walk_factor = 2.38 / np.sqrt(n) * np.linalg.cholesky(proposal.covariance)
+    points, n_accepted = kernels.sample(
+        target.for_kernels,
+        proposal.starts.copy(),
+        proposal.mixture.for_kernels,
+        walk_factor,
+        leaps.reshape(n_chains, n_sweeps, _N_LEAPS, n),
+        leap_densities.reshape(n_chains, n_sweeps, _N_LEAPS),
+        rng.standard_normal((n_chains, n_sweeps, n_steps, n)),
+        rng.standard_exponential((n_chains, n_sweeps, _N_LEAPS + n_steps)),
     )
-    points, covariance = _starts(rng, prior, response, comparisons, n_chains)
-    log_densities = _log_densities(prior, response, comparisons, points)
-    factor = kernels.adapt(
-        target, points, log_densities, covariance, *_variates(rng, n_warmup, n_chains, prior.n_coordinates)
-    )
-    draws, draw_log_densities, acceptance = kernels.sample(
-        target, points, log_densities, factor, *_variates(rng, n_draws, n_chains, prior.n_coordinates)
-    )
-    flat = draws.reshape(-1, prior.n_coordinates)
-    log_likelihoods = draw_log_densities - prior.log_density(flat).reshape(draw_log_densities.shape)
-    weights = prior.weights(flat).reshape(n_chains, n_draws, prior.n_features)
-    return Chains(weights, log_likelihoods, float(acceptance))
-
-
-def _variates(
-    rng: np.random.Generator, n_steps: int, n_chains: int, n_coordinates: int
-) -> tuple[Float[np.ndarray, "n_steps n_chains n_coordinates"], Float[np.ndarray, "n_steps n_chains"]]:
-    normals = rng.standard_normal((n_steps, n_chains, n_coordinates))
-    return normals, rng.standard_exponential((n_steps, n_chains))
-
-
-def _starts(
-    rng: np.random.Generator,
-    prior: Prior,
-    response: ResponseModel,
-    comparisons: ComparisonSet,
-    n_chains: int,
-) -> tuple[Float[np.ndarray, "n_chains n_coordinates"], Float[np.ndarray, "n_coordinates n_coordinates"]]:
-    """Returns distinct starts drawn from the prior in proportion to their likelihood, and a first covariance.
-
-    Drawing without replacement by the Gumbel trick keeps the starts apart even where one candidate dominates.
-    """
-    candidates = prior.draw(rng, _N_CANDIDATES)
-    scores = response.log_likelihood(candidates, comparisons) + rng.gumbel(size=_N_CANDIDATES)
-    best = np.argsort(-scores, kind="stable")[:_N_FOR_COVARIANCE]
-    coordinates = np.ascontiguousarray(prior.coordinates(candidates[best]))
-    return coordinates[:n_chains].copy(), np.cov(coordinates, rowvar=False)
-
-
-def _log_densities(
-    prior: Prior,
-    response: ResponseModel,
-    comparisons: ComparisonSet,
-    points: Float[np.ndarray, "n_chains n_coordinates"],
-) -> Float[np.ndarray, " n_chains"]:
-    return prior.log_density(points) + response.log_likelihood(prior.weights(points), comparisons)
+    return Chains(points[:, _SWEEPS_BEFORE_DRAWING:], n_accepted / len(leaps))

@@ -37,7 +37,11 @@ def test_the_plain_log_likelihood_is_that_of_the_response_model(study, compariso
         plain.log_likelihood(row, comparisons.preferred_diffs.tolist(), study.response.rationality)
         for row in weights
     ]
-    np.testing.assert_allclose(theirs, study.response.log_likelihood(weights, comparisons), rtol=1e-12)
+    np.testing.assert_allclose(
+        theirs,
+        study.response.log_likelihood(weights, study.response.parameters(len(weights)), comparisons),
+        rtol=1e-12,
+    )
 
 
 def test_the_plain_prior_is_the_positive_part_of_the_unit_ball():
@@ -48,7 +52,11 @@ def test_the_plain_prior_is_the_positive_part_of_the_unit_ball():
 
 def test_the_plain_pair_is_the_heuristics_first(study, comparisons):
     posterior = infer(
-        np.random.default_rng(3), study.prior, study.response, comparisons, SamplerSettings(2, 200, 200, 40)
+        np.random.default_rng(3),
+        study.prior,
+        study.response,
+        comparisons,
+        SamplerSettings(2, 200, 200, 200, 40),
     )
     situation = Situation(study.domain, posterior, bank=None, mu=0.1, min_difference=0.0)
     ranked = heuristic.rank_pairs(np.random.default_rng(4), situation, 1)

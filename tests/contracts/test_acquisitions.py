@@ -18,7 +18,7 @@ from study_core.posterior.prior import Prior
 from study_core.posterior.run import Posterior, SamplerSettings, infer
 from tests.study_core import references
 
-NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
+NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
 def made_up(log_likelihoods, samples=None):
@@ -31,7 +31,7 @@ def made_up(log_likelihoods, samples=None):
 def inferred(n_answers):
     rng = np.random.default_rng(n_answers)
     answers = ComparisonSet(rng.normal(0, 0.1, (n_answers, 4)), rng.choice([-1.0, 1.0], n_answers))
-    response, settings = ResponseModel("sigmoid", 200.0, 0.1), SamplerSettings(4, 200, 300, 40)
+    response, settings = ResponseModel("sigmoid", 200.0, 0.1), SamplerSettings(4, 200, 300, 300, 40)
     return infer(rng, Prior("sphere", 4), response, answers, settings)
 
 

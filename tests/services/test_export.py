@@ -16,6 +16,7 @@ from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.settings import find_study
 from app.store import Store, open_store
 from study_core.errors import ScriptError
+from study_core.study import parse_study
 
 QUICKSTART = find_study("quickstart")
 
@@ -77,6 +78,23 @@ def test_queries_hold_controls_features_and_provenance(exported: Path) -> None:
         assert key in query
     study_file = exported / "studies" / f"{query['study_hash']}.toml"
     assert study_file.read_text() == QUICKSTART.text
+
+
+def test_posteriors_name_what_was_inferred_and_say_whether_to_trust_it(tmp_path: Path) -> None:
+    text = QUICKSTART.text.replace("rationality = 200.0", 'rationality = "inferred"')
+    with wiring.headless(f"sqlite:///{tmp_path / 'inferred.db'}") as runtime:
+        _, record = services.join(runtime, parse_study(text))
+        services.answer(runtime, record.id, 0, "a", 1234)
+        export(runtime.store, tmp_path / "out", "jsonl", "real", lambda: None)
+    first, second = rows(tmp_path / "out" / "posteriors.jsonl")
+    for row in (first, second):
+        assert list(row["r_hat"]) == ["lane", "speed", "heading", "collision", "rationality"]  # type: ignore[call-overload]
+        assert row["has_converged"] is True
+        assert row["warning"] is None
+        assert row["n_draws"] >= 3000  # type: ignore[operator]
+        assert row["lapse_rate"] == {"q05": 0.1, "median": 0.1, "q95": 0.1}
+        low, middle, high = (row["rationality"][key] for key in ("q05", "median", "q95"))  # type: ignore[index,call-overload]
+        assert low < middle / 2 < 2 * middle < high
 
 
 def test_csv_holds_the_same_rows_with_a_column_a_number(

@@ -72,6 +72,22 @@ def log_answer_probability(model, rationality, lapse_rate, preferred_reward_diff
     return np.logaddexp(math.log(lapse_rate / 2.0), math.log1p(-lapse_rate) + log_sigmoid(u))
 
 
+def log_likelihoods(feature_diffs, signs, weights, rationality, lapse_rate=0.0, tie_threshold=0.0):
+    """Returns log p(all answers) of the sigmoid for each row: Rao and Kupper's three answers, lapses over them."""
+    rationality, lapse_rate, tie_threshold = (
+        np.broadcast_to(np.asarray(value, dtype=float), len(weights))[:, None]
+        for value in (rationality, lapse_rate, tie_threshold)
+    )
+    utilities = rationality * (weights @ feature_diffs.T)
+    with np.errstate(divide="ignore"):
+        prefers = log_sigmoid(utilities * signs - tie_threshold)
+        both = log_sigmoid(utilities - tie_threshold) + log_sigmoid(-utilities - tie_threshold)
+        same = np.log(np.exp(2 * tie_threshold) - 1) + both
+        lapsed = np.log(lapse_rate / np.where(tie_threshold > 0, 3.0, 2.0))
+    chosen = np.where(signs == 0.0, same, prefers)
+    return np.logaddexp(lapsed, np.log1p(-lapse_rate) + chosen).sum(axis=1)
+
+
 def prior_draws(rng, support, n, d=4):
     """Returns uniform draws on the positive part of the unit ball, by rejection, or of the unit sphere."""
     kept = []
@@ -175,7 +191,7 @@ def study_text(**changes):
         "protocol": {"active_queries": 3, "test_queries": 2},
         "response": {"model": "sigmoid", "rationality": 50.0, "lapse_rate": 0.1},
         "prior": {"support": "sphere"},
-        "sampler": {"samples": 20, "chains": 4, "warmup": 200, "draws": 400},
+        "sampler": {"samples": 20, "chains": 4, "warmup": 200, "draws": 400, "most_draws": 400},
         "acquisition": {"method": "heuristic", "mu": 0.1},
         "trajectory": {"starts": 3},
     }

@@ -8,9 +8,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import log_expit
+from scipy.stats import kstest, norm
 
 from study_core import choice_kernels
-from study_core.choice import ResponseModel, ResponseParameters
+from study_core.choice import PARAMETER_PRIORS, ResponseModel, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
 from tests.study_core import references
 
@@ -22,8 +23,8 @@ MODELS = [
     ResponseModel("clipped-linear", 1.0),
     ResponseModel("clipped-linear", 50.0),
 ]
-# Up to three blocks of answers, with and without padding.
-COUNTS = st.sampled_from([1, 2, 15, 16, 17, 31, 32, 40])
+# Up to two chunks of answers, with and without padding.
+COUNTS = st.sampled_from([1, 2, 15, 16, 17, 32, 64, 65, 90])
 
 
 @st.composite
@@ -32,6 +33,14 @@ def answered(draw, n_features=4):
     diffs = draw(arrays(np.float64, (n, n_features), elements=st.floats(-2.0, 2.0)))
     signs = draw(arrays(np.float64, n, elements=st.sampled_from([-1.0, 1.0])))
     return ComparisonSet(diffs, signs)
+
+
+def log_likelihood(model, weights, comparisons):
+    return model.log_likelihood(weights, model.parameters(len(weights)), comparisons)
+
+
+def probability_of_a(model, reward_diffs):
+    return model.parameters(1).probability_of(Choice.A, reward_diffs[None])[0]
 
 
 WEIGHTS = arrays(np.float64, (3, 4), elements=st.floats(0.0, 1.0))
@@ -53,7 +62,7 @@ def expected_log_likelihood(model, weights, comparisons):
 @given(comparisons=answered(), weights=WEIGHTS)
 def test_the_log_likelihood_is_the_formula(model, comparisons, weights):
     np.testing.assert_allclose(
-        model.log_likelihood(weights, comparisons),
+        log_likelihood(model, weights, comparisons),
         expected_log_likelihood(model, weights, comparisons),
         rtol=1e-12,
         atol=1e-12,
@@ -68,7 +77,7 @@ def test_the_log_likelihood_agrees_with_the_other_reference_on_hundreds_of_answe
     terms = references.log_answer_probability(
         model.name, model.rationality, model.lapse_rate, comparisons.preferred_diffs @ weights.T
     )
-    np.testing.assert_allclose(model.log_likelihood(weights, comparisons), terms.sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(log_likelihood(model, weights, comparisons), terms.sum(axis=0), rtol=1e-12)
 
 
 @pytest.mark.parametrize("rationality", [1e3, 1e6, 1e12, 1e100, 1e300])
@@ -77,8 +86,8 @@ def test_extreme_rationality_neither_overflows_nor_underflows(rationality, lapse
     model = ResponseModel("sigmoid", rationality, lapse_rate)
     diffs = np.array([[1.0, 0.0, 0.0, 0.0]])
     weights = np.array([[1.0, 0.0, 0.0, 0.0]])
-    right = model.log_likelihood(weights, ComparisonSet(diffs, np.array([1.0])))[0]
-    wrong = model.log_likelihood(weights, ComparisonSet(diffs, np.array([-1.0])))[0]
+    right = log_likelihood(model, weights, ComparisonSet(diffs, np.array([1.0])))[0]
+    wrong = log_likelihood(model, weights, ComparisonSet(diffs, np.array([-1.0])))[0]
     assert right == pytest.approx(math.log1p(-lapse_rate / 2), abs=1e-14)
     assert wrong == pytest.approx(-rationality if lapse_rate == 0.0 else math.log(lapse_rate / 2), rel=1e-13)
 
@@ -89,19 +98,19 @@ def test_extreme_rationality_neither_overflows_nor_underflows(rationality, lapse
 def test_the_sigmoid_is_exact_where_its_computation_changes_branch(u):
     model = ResponseModel("sigmoid", 1.0)
     comparisons = ComparisonSet(np.array([[u]]), np.array([1.0]))
-    assert model.log_likelihood(np.ones((1, 1)), comparisons)[0] == pytest.approx(
+    assert log_likelihood(model, np.ones((1, 1)), comparisons)[0] == pytest.approx(
         log_expit(u), rel=1e-12, abs=2e-15
     )
 
 
 def test_a_hundred_wrong_answers_of_a_rational_person_add_up_exactly():
     comparisons = ComparisonSet(np.ones((100, 1)), -np.ones(100))
-    assert ResponseModel("sigmoid", 500.0).log_likelihood(np.ones((1, 1)), comparisons)[0] == -50_000.0
+    assert log_likelihood(ResponseModel("sigmoid", 500.0), np.ones((1, 1)), comparisons)[0] == -50_000.0
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_without_answers_every_weight_is_as_likely(model):
-    np.testing.assert_array_equal(model.log_likelihood(np.eye(4), ComparisonSet.empty(4)), np.zeros(4))
+    np.testing.assert_array_equal(log_likelihood(model, np.eye(4), ComparisonSet.empty(4)), np.zeros(4))
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
@@ -109,14 +118,14 @@ def test_without_answers_every_weight_is_as_likely(model):
 def test_swapping_a_and_b_and_the_answer_changes_nothing(model, comparisons, weights):
     swapped = ComparisonSet(-comparisons.feature_diffs, -comparisons.signs)
     np.testing.assert_array_equal(
-        model.log_likelihood(weights, comparisons), model.log_likelihood(weights, swapped)
+        log_likelihood(model, weights, comparisons), log_likelihood(model, weights, swapped)
     )
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
 @given(reward_diffs=arrays(np.float64, 5, elements=st.floats(-50.0, 50.0)))
 def test_the_probabilities_of_a_and_of_b_sum_to_one(model, reward_diffs):
-    total = model.probability_of_a(reward_diffs) + model.probability_of_a(-reward_diffs)
+    total = probability_of_a(model, reward_diffs) + probability_of_a(model, -reward_diffs)
     np.testing.assert_allclose(total, 1.0, rtol=0, atol=1e-15)
 
 
@@ -125,21 +134,21 @@ def test_the_probabilities_of_a_and_of_b_sum_to_one(model, reward_diffs):
 def test_the_log_likelihood_of_one_answer_is_the_log_of_its_probability(model, reward_diff):
     for choice in (Choice.A, Choice.B):
         comparisons = ComparisonSet(np.array([[reward_diff]]), np.array([choice.sign]))
-        probability = model.probability_of_a(np.array(choice.sign * reward_diff))
-        logarithm = model.log_likelihood(np.ones((1, 1)), comparisons)[0]
+        probability = probability_of_a(model, np.array(choice.sign * reward_diff))
+        logarithm = log_likelihood(model, np.ones((1, 1)), comparisons)[0]
         assert math.exp(logarithm) == pytest.approx(float(probability), rel=1e-12)
 
 
 def test_a_lapsing_person_is_never_surer_than_the_lapse_rate_allows():
     model = ResponseModel("sigmoid", 200.0, 0.1)
     np.testing.assert_allclose(
-        model.probability_of_a(np.array([-1e9, 0.0, 1e9])), [0.05, 0.5, 0.95], rtol=0, atol=1e-15
+        probability_of_a(model, np.array([-1e9, 0.0, 1e9])), [0.05, 0.5, 0.95], rtol=0, atol=1e-15
     )
 
 
 def test_the_rewarding_trajectory_is_the_likelier_choice():
     model = ResponseModel("sigmoid", 1.0)
-    assert model.probability_of_a(np.array(math.log(3.0))) == pytest.approx(0.75, abs=1e-15)
+    assert probability_of_a(model, np.array(math.log(3.0))) == pytest.approx(0.75, abs=1e-15)
 
 
 @given(rationality=st.floats(0.1, 100.0), reward_diff=st.floats(-3.0, 3.0))
@@ -147,10 +156,10 @@ def test_the_clipped_model_normalised_over_both_answers_is_the_sigmoid(rationali
     model = ResponseModel("clipped-linear", rationality)
     one = np.array([[reward_diff]])
     for_a, for_b = (
-        math.exp(model.log_likelihood(np.ones((1, 1)), ComparisonSet(one, np.array([sign])))[0])
+        math.exp(log_likelihood(model, np.ones((1, 1)), ComparisonSet(one, np.array([sign])))[0])
         for sign in (1.0, -1.0)
     )
-    assert model.probability_of_a(np.array(reward_diff)) == pytest.approx(for_a / (for_a + for_b), rel=1e-12)
+    assert probability_of_a(model, np.array(reward_diff)) == pytest.approx(for_a / (for_a + for_b), rel=1e-12)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
@@ -161,9 +170,14 @@ def test_the_clipped_model_normalised_over_both_answers_is_the_sigmoid(rationali
 )
 def test_the_early_stop_never_changes_a_decision(model, comparisons, weights, floor):
     def value_with(lowest):
-        packed, n_answers = choice_kernels.pack(comparisons.preferred_diffs)
         return choice_kernels.log_likelihood(
-            model.kernel_kind, weights, packed, n_answers, model.rationality, model.lapse_rate, lowest
+            model.kernel_kind,
+            weights,
+            model.rationality,
+            model.lapse_rate,
+            model.tie_threshold,
+            choice_kernels.pack(comparisons.feature_diffs, comparisons.signs),
+            lowest,
         )
 
     true, stopped = value_with(-math.inf), value_with(floor)
@@ -176,15 +190,21 @@ def test_the_early_stop_never_changes_a_decision(model, comparisons, weights, fl
         assert stopped == true
 
 
-@pytest.mark.parametrize("n_answers", [0, 1, 15, 16, 17, 100])
-def test_packing_pads_with_zeros_and_loses_nothing(n_answers):
-    diffs = np.random.default_rng(n_answers).normal(size=(n_answers, 4))
-    packed, counted = choice_kernels.pack(diffs)
-    rows = packed.transpose(0, 2, 1).reshape(-1, 4)
-    assert counted == n_answers
-    np.testing.assert_array_equal(rows[:n_answers], diffs)
-    assert not rows[n_answers:].any()
-    assert len(rows) - n_answers < choice_kernels.BLOCK
+@pytest.mark.parametrize("n_decided", [0, 1, 15, 16, 17, 64, 65, 100])
+@pytest.mark.parametrize("n_tied", [0, 3])
+def test_packing_pads_with_zeros_and_loses_nothing(n_decided, n_tied):
+    rng = np.random.default_rng(n_decided)
+    diffs = rng.normal(size=(n_decided + n_tied, 4))
+    signs = np.concatenate([rng.choice([-1.0, 1.0], n_decided), np.zeros(n_tied)])
+    order = rng.permutation(len(signs))
+    packed, counted, tied = choice_kernels.pack(diffs[order], signs[order])
+    decided = order[order < n_decided]
+    assert counted == n_decided
+    np.testing.assert_array_equal(packed[:, :counted].T, (diffs * signs[:, None])[decided])
+    assert not packed[:, counted:].any()
+    assert packed.shape[1] % choice_kernels.BLOCK == 0
+    assert packed.shape[1] - counted < choice_kernels.BLOCK
+    np.testing.assert_array_equal(tied, diffs[order[order >= n_decided]])
 
 
 ROWS = ResponseParameters(
@@ -223,3 +243,88 @@ def test_an_answer_that_says_nothing_has_no_probability():
     for choice in (Choice.UNSURE, Choice.SKIP):
         with pytest.raises(ValueError, match=f"got '{choice}'"):
             ROWS.probability_of(choice, np.zeros(4))
+
+
+@pytest.mark.parametrize("lapse_rate", [0.0, 1e-9, 1e-6, 1e-4, 0.05, 0.9])
+@pytest.mark.parametrize("tie_threshold", [0.0, 0.3, 3.0])
+@pytest.mark.parametrize("n", [1, 15, 16, 17, 48, 64, 65, 150])
+def test_every_lapse_rate_and_threshold_is_exact_for_any_number_of_answers(lapse_rate, tie_threshold, n):
+    """From sure agreement to sure disagreement: utilities up to +-400."""
+    rng = np.random.default_rng(n)
+    diffs = rng.normal(size=(n, 4)) * rng.choice([0.01, 1.0, 4.0], (n, 1))
+    signs = rng.choice([-1.0, 1.0] if tie_threshold == 0.0 else [-1.0, 0.0, 1.0], n)
+    weights = np.abs(rng.normal(size=(6, 4)))
+    parameters = ResponseParameters.constant(6, 40.0, lapse_rate, tie_threshold)
+    model = ResponseModel("sigmoid", 40.0, lapse_rate, tie_threshold)
+    found = model.log_likelihood(weights, parameters, ComparisonSet(diffs, signs))
+    expected = references.log_likelihoods(diffs, signs, weights, 40.0, lapse_rate, tie_threshold)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+@given(
+    reward_diff=st.floats(-3.0, 3.0),
+    rationality=st.floats(0.1, 300.0),
+    lapse_rate=st.sampled_from([0.0, 1e-3, 0.3]),
+    tie_threshold=st.floats(1e-3, 20.0),
+)
+def test_the_log_likelihood_of_each_of_three_answers_is_the_log_of_its_probability(
+    reward_diff, rationality, lapse_rate, tie_threshold
+):
+    model = ResponseModel("sigmoid", rationality, lapse_rate, tie_threshold)
+    for choice in INFORMATIVE:
+        comparisons = ComparisonSet(np.array([[reward_diff]]), np.array([choice.sign]))
+        probability = model.parameters(1).probability_of(choice, np.array([reward_diff]))[0]
+        assert math.exp(log_likelihood(model, np.ones((1, 1)), comparisons)[0]) == pytest.approx(
+            probability, rel=1e-9, abs=1e-300
+        )
+
+
+def test_each_row_has_the_log_likelihood_of_its_own_parameters():
+    rng = np.random.default_rng(3)
+    comparisons = ComparisonSet(rng.normal(size=(20, 3)), rng.choice([-1.0, 0.0, 1.0], 20))
+    weights = np.abs(rng.normal(size=(4, 3)))
+    rows = ResponseParameters(ROWS.rationality, ROWS.lapse_rate, np.array([0.1, 0.4, 0.7, 2.5]))
+    model = ResponseModel("sigmoid", "inferred", "inferred", "inferred")
+    found = model.log_likelihood(weights, rows, comparisons)
+    expected = references.log_likelihoods(
+        comparisons.feature_diffs,
+        comparisons.signs,
+        weights,
+        rows.rationality,
+        rows.lapse_rate,
+        rows.tie_threshold,
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_a_model_says_what_is_fixed_what_inferred_and_what_left_to_the_evidence():
+    model = ResponseModel("sigmoid", "evidence", "inferred", 0.4)
+    assert (model.inferred, model.chosen_by_evidence) == (("lapse_rate",), ("rationality",))
+    fixed = model.with_fixed({"rationality": 20.0})
+    assert fixed == ResponseModel("sigmoid", 20.0, "inferred", 0.4)
+    rows = fixed.parameters(2, {"lapse_rate": np.array([0.1, 0.2])})
+    assert (rows.rationality.tolist(), rows.lapse_rate.tolist()) == ([20.0, 20.0], [0.1, 0.2])
+    assert rows.tie_threshold.tolist() == [0.4, 0.4]
+    with pytest.raises(ValueError, match="Expected a number for lapse_rate, which is 'inferred'"):
+        fixed.parameters(2)
+
+
+@pytest.mark.statistical
+def test_the_priors_of_the_parameters_are_the_documented_ones():
+    drawn = ResponseModel("sigmoid", "inferred", "evidence", "inferred").draw_parameters(
+        np.random.default_rng(1), 20_000
+    )
+    standardised = {
+        "rationality": (np.log(drawn.rationality) - math.log(50.0)) / 1.5,
+        "lapse_rate": np.log(drawn.lapse_rate / (1 - drawn.lapse_rate)) + 3.0,
+        "tie_threshold": np.log(drawn.tie_threshold),
+    }
+    for name, values in standardised.items():
+        assert kstest(values, "norm").pvalue > 1e-3, name
+    for name, value in (("rationality", 80.0), ("lapse_rate", 0.02), ("tie_threshold", 0.5)):
+        prior = PARAMETER_PRIORS[name]
+        steps = [prior.log_density(value), prior.log_density(2 * value)]
+        place = math.log(value / (1 - value)) if prior.transform == "logit" else math.log(value)
+        other = math.log(2 * value / (1 - 2 * value)) if prior.transform == "logit" else math.log(2 * value)
+        expected = norm(prior.location, prior.scale).logpdf([place, other])
+        assert steps[1] - steps[0] == pytest.approx(expected[1] - expected[0], rel=1e-12)

@@ -24,7 +24,7 @@ from study_core.study import parse_study
 from tests.study_core import references
 
 STUDY = parse_study(references.study_text())
-NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
+NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
 def some_answers(n):

@@ -77,10 +77,11 @@ def test_shipped_studies_have_seeds_and_names_of_their_own():
 
 
 def test_what_the_file_says_reaches_the_science():
-    study = parse_study(study_text(sampler__warmup=150, sampler__draws=500))
+    study = parse_study(study_text(sampler__warmup=150, sampler__draws=500, sampler__most_draws=900))
     assert study.response == ResponseModel("sigmoid", 50.0, 0.1)
     assert study.prior == Prior("sphere", 4)
-    assert study.sampler == SamplerSettings(n_chains=4, n_warmup=150, n_draws=500, n_samples=20)
+    expected = SamplerSettings(n_chains=4, n_warmup=150, n_draws=500, most_draws=900, n_samples=20)
+    assert study.sampler == expected
     assert (study.seed, study.protocol.n_queries, study.file.trajectory.starts) == (5, 5, 3)
 
 
@@ -88,6 +89,18 @@ def test_a_study_offers_a_and_b_and_whatever_it_names_beside_them():
     assert parse_study(study_text()).answers == (Choice.A, Choice.B)
     more = parse_study(study_text(response__answers=["a", "b", "unsure", "skip"]))
     assert more.answers == (Choice.A, Choice.B, Choice.UNSURE, Choice.SKIP)
+
+
+@pytest.mark.parametrize("rationality", [30.0, "inferred", "evidence"])
+@pytest.mark.parametrize("lapse_rate", [0.0, 1e-9, 0.2, "inferred", "evidence"])
+@pytest.mark.parametrize("tie_threshold", [None, 0.5, "inferred"])
+def test_a_study_picks_how_each_response_parameter_is_set(rationality, lapse_rate, tie_threshold):
+    changes = {"response__rationality": rationality, "response__lapse_rate": lapse_rate}
+    if tie_threshold is not None:
+        changes |= {"response__answers": ["a", "b", "same"], "response__tie_threshold": tie_threshold}
+    study = parse_study(study_text(**changes))
+    assert study.response == ResponseModel("sigmoid", rationality, lapse_rate, tie_threshold or 0.0)
+    assert (Choice.SAME in study.answers) == (tie_threshold is not None)
 
 
 def test_the_hash_is_of_every_character_of_the_text():
@@ -195,6 +208,55 @@ MALFORMED = {
     "an unknown answer": (
         {"response__answers": ["a", "b", "maybe"]},
         r"key 'response\.answers\.2': input should be 'a', 'b'.*, got 'maybe'",
+    ),
+    "a rationality like no other word": (
+        {"response__rationality": "infered"},
+        r"key 'response\.rationality': input should be 'inferred' or 'evidence', got 'infered'",
+    ),
+    "a lapse rate like no other word": (
+        {"response__lapse_rate": "none"},
+        r"key 'response\.lapse_rate': input should be 'inferred' or 'evidence', got 'none'",
+    ),
+    "a lapse rate too small to compute with": (
+        {"response__lapse_rate": 1e-12},
+        r"key 'response\.lapse_rate': lapse_rate must be 0 or at least 1e-09, got 1e-12",
+    ),
+    "a clipped model with a rationality to infer": (
+        {"response__model": "clipped-linear", "response__rationality": "inferred"},
+        r"key 'response': rationality must be a number for the clipped-linear model",
+    ),
+    "a clipped model with a rationality to choose": (
+        {"response__model": "clipped-linear", "response__rationality": "evidence"},
+        r"key 'response': rationality must be a number for the clipped-linear model",
+    ),
+    "a clipped model with three answers": (
+        {
+            "response__model": "clipped-linear",
+            "response__lapse_rate": 0.0,
+            "response__answers": ["a", "b", "same"],
+            "response__tie_threshold": 0.5,
+        },
+        r"key 'response': answers can't hold \"same\" for the clipped-linear model",
+    ),
+    "about the same without a threshold": (
+        {"response__answers": ["a", "b", "same"]},
+        r"key 'response': tie_threshold and the answer \"same\" need each other",
+    ),
+    "a threshold without about the same": (
+        {"response__tie_threshold": 0.5},
+        r"key 'response': tie_threshold and the answer \"same\" need each other",
+    ),
+    "a threshold by the evidence": (
+        {"response__answers": ["a", "b", "same"], "response__tie_threshold": "evidence"},
+        r"key 'response\.tie_threshold': input should be 'inferred', got 'evidence'",
+    ),
+    "a threshold of nothing": (
+        {"response__answers": ["a", "b", "same"], "response__tie_threshold": 0},
+        r"key 'response\.tie_threshold': input should be greater than 0, got 0",
+    ),
+    "fewer draws at most than at least": (
+        {"sampler__most_draws": 399},
+        r"key 'sampler': most_draws can't be less than draws",
     ),
     "an unknown support": (
         {"prior__support": "cube"},

@@ -9,7 +9,7 @@ from study_core.domains.driving import DRIVING_V1
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
-NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
+NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
 def posterior_of(samples, rationality=100.0, lapse_rate=0.1, tie_threshold=0.0, log_likelihoods=None):

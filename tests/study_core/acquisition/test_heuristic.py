@@ -12,7 +12,7 @@ from study_core.domains.driving import DRIVING_V1
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
-NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3)
+NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
 def posterior_of(samples, log_likelihoods):

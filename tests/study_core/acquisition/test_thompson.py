@@ -11,7 +11,7 @@ from study_core.domains.driving import DRIVING_V1
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior
 
-NONE = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3)
+NONE = Diagnostics(np.ones(2), np.ones(2), np.ones(2), 0.3, 4000)
 
 
 def situation_of(n, mu=0.1):

@@ -128,9 +128,23 @@ def test_one_stuck_chain_among_moving_ones_is_not_converged():
     ],
 )
 def test_convergence_needs_every_number_of_every_weight(r_hat, ess_bulk, ess_tail, has_converged):
-    found = Diagnostics(np.array([1.0, r_hat]), np.array([1e4, ess_bulk]), np.array([1e4, ess_tail]), 0.3)
+    found = Diagnostics(
+        np.array([1.0, r_hat]), np.array([1e4, ess_bulk]), np.array([1e4, ess_tail]), 0.3, 40_000
+    )
     assert found.has_converged is has_converged
 
 
-def test_the_thresholds_are_those_of_the_paper():
-    assert (LARGEST_R_HAT, SMALLEST_ESS) == (1.01, 400.0)
+def test_the_thresholds_are_those_that_are_promised():
+    assert (LARGEST_R_HAT, SMALLEST_ESS) == (1.01, 1000.0)
+
+
+def test_what_has_not_converged_says_so_in_numbers():
+    found = Diagnostics(np.array([1.0, 1.0234]), np.array([870.4, 1e4]), np.array([1e4, 1e4]), 0.3, 48_000)
+    assert found.warning == (
+        "After 48000 draws R-hat is 1.023 and the effective sample size 870; expected at most 1.01 and at least 1000."
+    )
+    assert Diagnostics(np.ones(2), np.full(2, 2e3), np.full(2, 2e3), 0.3, 4000).warning is None
+
+
+def test_the_draws_of_all_chains_are_counted():
+    assert diagnose(np.random.default_rng(1).standard_normal((4, 250, 2)), 0.3).n_draws == 1000

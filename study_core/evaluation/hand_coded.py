@@ -1,0 +1,81 @@
+"""How well the hand-coded features alone predict the published study's test answers, by response model.
+
+Only training answers are fitted; the test answers are looked at once, to be predicted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from study_core.choice import ResponseModel
+from study_core.comparison import Choice, ComparisonSet
+from study_core.evaluation.metrics import accuracy
+from study_core.posterior.prior import Prior, Support
+from study_core.posterior.run import Posterior, SamplerSettings, infer
+from study_core.published import PublishedPerson
+from study_core.streams import stream
+
+MODELS: dict[str, tuple[Support, ResponseModel]] = {
+    "beta 1": ("ball", ResponseModel("sigmoid", 1.0)),
+    "beta 10": ("ball", ResponseModel("sigmoid", 10.0)),
+    "beta 50": ("ball", ResponseModel("sigmoid", 50.0)),
+    "beta 200": ("ball", ResponseModel("sigmoid", 200.0)),
+    "beta 200, lapse 0.1, sphere": ("sphere", ResponseModel("sigmoid", 200.0, 0.1)),
+    "by evidence, sphere": ("sphere", ResponseModel("sigmoid", "evidence", "evidence")),
+    "inferred, sphere": ("sphere", ResponseModel("sigmoid", "inferred", "inferred")),
+}
+"""What is compared: the paper's model at several rationalities, and models that learn each person's own."""
+
+SETTINGS = SamplerSettings(n_chains=4, n_warmup=200, n_draws=750, most_draws=12_000, n_samples=1000)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How well one person's test answers are predicted.
+
+    Attributes:
+        accuracy: Share of answers that the sign of the mean's reward difference predicts; a tie counts half.
+        log_loss: Mean of -log P(answer), the probability averaged over the posterior.
+        has_converged: Whether the posterior's draws meet the diagnostics.
+    """
+
+    accuracy: float
+    log_loss: float
+    has_converged: bool
+
+
+def predict(seed: int, name: str, person: PublishedPerson) -> Prediction:
+    """Fits one of `MODELS` to a person's training answers and predicts their test answers."""
+    support, response = MODELS[name]
+    prior = Prior(support, person.training.feature_diffs.shape[1])
+    rng = stream(seed, "hand-coded", name, person.number)
+    posterior = infer(rng, prior, response, person.training, SETTINGS)
+    return Prediction(
+        accuracy=accuracy(posterior.mean, person.test),
+        log_loss=_log_loss(posterior, person.test),
+        has_converged=posterior.diagnostics.has_converged,
+    )
+
+
+def stored_accuracy(person: PublishedPerson) -> float:
+    """Returns the accuracy of the posterior mean as the study stored it after all active queries."""
+    return accuracy(person.posterior_samples[-1].mean(axis=0), person.test)
+
+
+def _log_loss(posterior: Posterior, answers: ComparisonSet) -> float:
+    reward_diffs = posterior.samples @ answers.preferred_diffs.T
+    # By symmetry, what was preferred is called A.
+    likely = posterior.parameters.probability_of(Choice.A, reward_diffs).mean(axis=0)
+    return float(-np.log(likely).mean())
+
+
+def bootstrap_interval(
+    rng: np.random.Generator, values: Float[np.ndarray, " n_people"], n_resamples: int = 20_000
+) -> tuple[float, float]:
+    """Returns the 95 % percentile interval of the mean over people, who are drawn anew with replacement."""
+    rows = rng.integers(len(values), size=(n_resamples, len(values)))
+    low, high = np.percentile(values[rows].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)

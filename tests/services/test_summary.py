@@ -1,0 +1,55 @@
+"""What a session's summary says about the test answers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.services.summary import test_accuracy as accuracy_of_session
+from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.session import AnswerGiven, Phase, QueryPrepared, SessionState
+from tests.study_core.made_up import prepared
+
+
+def state_of(choices: list[tuple[Phase, Choice]]) -> SessionState:
+    queries = tuple(prepared(index, phase) for index, (phase, _) in enumerate(choices))
+    answers = tuple(AnswerGiven(index, choice, 500) for index, (_, choice) in enumerate(choices))
+    return SessionState(0, 1, queries, answers, ComparisonSet.empty(4))
+
+
+def better(query: Query, weights: np.ndarray) -> Choice:
+    return Choice.A if float((query.features_a - query.features_b) @ weights) > 0.0 else Choice.B
+
+
+WEIGHTS = np.array([0.4, 0.3, 0.2, 0.1])
+
+
+def predicted(index: int) -> Choice:
+    made: QueryPrepared = prepared(index, Phase.TEST)
+    return better(made.proposed.query, WEIGHTS)
+
+
+def other(choice: Choice) -> Choice:
+    return Choice.B if choice is Choice.A else Choice.A
+
+
+def test_only_test_answers_count() -> None:
+    state = state_of(
+        [(Phase.ACTIVE, other(predicted(0))), (Phase.TEST, predicted(1)), (Phase.TEST, predicted(2))]
+    )
+    assert accuracy_of_session(state, WEIGHTS) == 1.0
+
+
+def test_a_wrong_one_counts_nothing_and_what_prefers_neither_not_at_all() -> None:
+    choices = [predicted(0), other(predicted(1)), Choice.SAME, Choice.SKIP, Choice.UNSURE]
+    state = state_of([(Phase.TEST, choice) for choice in choices])
+    assert accuracy_of_session(state, WEIGHTS) == 0.5
+
+
+def test_a_reward_difference_of_zero_is_half_a_hit() -> None:
+    state = state_of([(Phase.TEST, Choice.A)])
+    assert accuracy_of_session(state, np.zeros(4)) == 0.5
+
+
+def test_without_test_answers_there_is_no_accuracy() -> None:
+    assert accuracy_of_session(state_of([(Phase.ACTIVE, Choice.A)]), WEIGHTS) is None
+    assert accuracy_of_session(state_of([(Phase.TEST, Choice.SKIP)]), WEIGHTS) is None
