@@ -25,7 +25,7 @@ def continue_session(request: Request) -> Continuation:
     study = parse_study(request.study_text)
     posterior = None
     if request.needs_posterior:
-        posterior = infer_posterior(study, request.participant, request.comparisons)
+        posterior = infer_posterior(study, request.participant, request.query_index, request.comparisons)
     proposed = request.test_query or _propose(study, request, posterior)
     clips = clip_digests(study.domain, proposed.query)
     compute_ms = 1000.0 * (time.perf_counter() - started)

@@ -96,9 +96,19 @@ class _Attempt:
     is_distinct: bool
 
 
-def infer_posterior(study: Study, participant: Participant, comparisons: ComparisonSet) -> Posterior:
-    """Returns the posterior of one participant after their active answers so far."""
-    rng = stream(study.seed, "posterior", participant, len(comparisons))
+def infer_posterior(
+    study: Study, participant: Participant, query_index: int, comparisons: ComparisonSet
+) -> Posterior:
+    """Returns the posterior of one participant from which a query is chosen.
+
+    Args:
+        study: The study.
+        participant: Names the session's random streams.
+        query_index: Index of the query, from 0. After an answer that says nothing it alone changes, and with it the
+            samples, so that a method that compares samples doesn't ask the same again.
+        comparisons: The active answers so far that say something.
+    """
+    rng = stream(study.seed, "posterior", participant, query_index)
     return infer(rng, study.prior, study.response, comparisons, study.sampler)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 import statistics
 import time
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from rich.progress import Progress
 
 from app.bench.curve import Curve, Curves, over_people
 from app.bench.report import BenchError, figures, make_folder, provenance
+from app.process import n_cores
 from app.settings import find_study
 from study_core import lbfgs
 from study_core.acquisition import METHODS
@@ -140,14 +140,14 @@ def walk(task: Task) -> Walk:
     comparisons = ComparisonSet.empty(study.prior.n_features)
     means, milliseconds, is_own = [], [], []
     for index in range(task.n_queries):
-        posterior = infer_posterior(study, participant, comparisons)
+        posterior = infer_posterior(study, participant, index, comparisons)
         means.append(posterior.mean)
         began = time.perf_counter()
         proposed = propose_active_query(study, participant, index, posterior)
         milliseconds.append(1e3 * (time.perf_counter() - began))
         is_own.append(proposed.provenance.method == task.method)
         comparisons = comparisons.append(proposed.query, person.choose(rng, proposed.query))
-    means.append(infer_posterior(study, participant, comparisons).mean)
+    means.append(infer_posterior(study, participant, task.n_queries, comparisons).mean)
     measures = _measured(study, task.seed, np.array(means), person.weights)
     return Walk(task, measures, np.array(milliseconds), np.array(is_own))
 
@@ -185,9 +185,8 @@ def _held_out(seed: int) -> np.ndarray:
 
 def _walked(tasks: list[Task], progress: Progress) -> Iterator[Walk]:
     """Gives each session's outcome, run on all cores, in the order of the tasks."""
-    n_workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     shown = progress.add_task("sessions", total=len(tasks))
-    with ProcessPoolExecutor(n_workers, multiprocessing.get_context("spawn")) as executor:
+    with ProcessPoolExecutor(n_cores(), multiprocessing.get_context("spawn")) as executor:
         futures = [executor.submit(walk, task) for task in tasks]
         for _ in as_completed(futures):
             progress.advance(shown)

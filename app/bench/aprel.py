@@ -78,14 +78,13 @@ def looped_best_pair(
     lapse_rate: float,
 ) -> tuple[int, int]:
     """Returns the pair whose answer is expected to tell most about w, sample by sample."""
-    best, best_gain = (0, 1), -np.inf
-    for i, j in combinations(range(len(features)), 2):
-        slate = features[[i, j]]
+
+    def gain(pair: tuple[int, int]) -> float:
+        slate = features[list(pair)]
         likely = [_choice_probabilities(slate @ weights, rationality, lapse_rate) for weights in samples]
-        gain = _information_gain(np.array(likely))
-        if gain > best_gain:
-            best, best_gain = (i, j), gain
-    return best
+        return _information_gain(np.array(likely))
+
+    return max(combinations(range(len(features)), 2), key=gain)
 
 
 def vectorised_best_pair(
@@ -95,12 +94,13 @@ def vectorised_best_pair(
     lapse_rate: float,
 ) -> tuple[int, int]:
     """Returns the pair whose answer is expected to tell most about w, all samples of a pair in one numpy call."""
-    best, best_gain = (0, 1), -np.inf
-    for i, j in combinations(range(len(features)), 2):
-        gain = _information_gain(_choice_probabilities(samples @ features[[i, j]].T, rationality, lapse_rate))
-        if gain > best_gain:
-            best, best_gain = (i, j), gain
-    return best
+
+    def gain(pair: tuple[int, int]) -> float:
+        return _information_gain(
+            _choice_probabilities(samples @ features[list(pair)].T, rationality, lapse_rate)
+        )
+
+    return max(combinations(range(len(features)), 2), key=gain)
 
 
 def _choice_probabilities(

@@ -1,8 +1,9 @@
 """How fast the posterior is: effective draws per second beside other samplers, and an update beside APReL's.
 
-Everything runs on one core. A sampler is timed from the answers to its draws, warm-up included and compiling left out;
-ours is timed as the product runs it, with the diagnostics that it computes of every update. The effective sample size
-is the smallest bulk ESS of the weights, by the same estimator for all.
+Everything runs on one core. A sampler is timed from the answers to its draws, warm-up included and compiling left out.
+Each draws as often as serves its rate: the more draws, the less the warm-up weighs. An update is timed as the product
+runs it, with fewer draws and with the diagnostics that it computes of each. The effective sample size is the smallest
+bulk ESS of the weights, by the same estimator for all.
 """
 
 from __future__ import annotations
@@ -25,8 +26,13 @@ from app.bench.peers import INSTALL, Peer, installed_peers
 from app.bench.peers.target import LAPSE_RATE, RATIONALITY
 from app.bench.report import make_folder, percentile, provenance
 from app.settings import find_study
+from study_core.comparison import ComparisonSet
+from study_core.posterior.annealing import learn_proposal
 from study_core.posterior.diagnostics import diagnose
-from study_core.posterior.run import SamplerSettings, infer
+from study_core.posterior.metropolis import run_chains
+from study_core.posterior.prior import Prior
+from study_core.posterior.run import infer
+from study_core.posterior.target import Target
 from study_core.streams import stream
 from study_core.study import Study
 
@@ -38,6 +44,8 @@ UPDATES_AT = (10, 100, 1000)
 CURVE_AT = (10, 20, 50, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
 _STUDY = "quickstart"
 _LARGEST_Z = 4.0
+# Ours beside the peers: as many chains and draws as the best of them.
+_N_CHAINS, _N_WARMUP, _N_DRAWS = 64, 200, 4000
 _OURS = "prefstudy"
 
 _Value = TypeVar("_Value")
@@ -85,7 +93,7 @@ def run(
 
     Returns:
         `ess_per_second` by sampler, medians over all runs; `ratio_to_best_peer`; by how much an update takes APReL
-        longer, looped and vectorised; `update_milliseconds` and their `update_ess` by number of answers; the
+        longer, looped and vectorised; `update_milliseconds`, `update_ess` and their ratio by number of answers; the
         `samplers` one by one; whether their means agree; and where it was measured.
 
     Raises:
@@ -102,25 +110,28 @@ def run(
         people = [
             simulated_answers(study.domain, seed, number, max(CURVE_AT)) for number in range(1, n_people + 1)
         ]
-        samplers = {_OURS: _ours(study), **{peer.name: _theirs(peer) for peer in peers}}
+        ours = Peer(_OURS, f"{_N_CHAINS} chains, {_N_WARMUP} a stage + {_N_DRAWS} steps", _draw_ours)
+        racers = [ours, *peers]
+        samplers = {racer.name: _sampler(racer) for racer in racers}
         runs = _race(samplers, [answers.first(N_ANSWERS) for answers in people], n_runs, seed, progress)
         plain = _time_aprel(people, seed, progress)
-        updates = _time_updates(samplers[_OURS], people, n_updates, CURVE_AT if out else UPDATES_AT, progress)
+        updates = _time_updates(_update(study), people, n_updates, CURVE_AT if out else UPDATES_AT, progress)
     if out is not None:
         _draw_curve(updates).savefig(out / "update-cost.png")
     rates = {name: percentile([r.ess / r.seconds for r in of_all], 50) for name, of_all in runs.items()}
     update_ms = {k: percentile([1e3 * r.seconds for r in of_k], 50) for k, of_k in updates.items()}
+    update_rates = {k: percentile([r.ess / r.seconds for r in of_k], 50) for k, of_k in updates.items()}
     return {
         "ess_per_second": rates,
         "ratio_to_best_peer": _ratio_to_best(rates),
         "ratio_to_aprel_looped": round(plain["looped"] / update_ms[N_ANSWERS], 1),
         "ratio_to_aprel_vectorised": round(plain["vectorised"] / update_ms[N_ANSWERS], 1),
         "update_milliseconds": {str(k): update_ms[k] for k in UPDATES_AT},
+        "update_ess_per_second": {str(k): update_rates[k] for k in UPDATES_AT},
         "update_ess": {str(k): percentile([r.ess for r in updates[k]], 50) for k in UPDATES_AT},
         "aprel_milliseconds": plain,
         "samplers": {
-            name: {"settings": _settings(study, peers)[name], **_describe(of_all)}
-            for name, of_all in runs.items()
+            racer.name: {"settings": racer.settings, **_describe(runs[racer.name])} for racer in racers
         },
         "agreement": _agreement(runs, n_runs),
         **({"update_milliseconds_curve": {str(k): ms for k, ms in update_ms.items()}} if out else {}),
@@ -144,12 +155,23 @@ def _one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def _ours(study: Study) -> Sampler:
+def _draw_ours(
+    seed: int, preferred_diffs: Float[np.ndarray, "n_answers n_features"]
+) -> Float[np.ndarray, "n_chains n_draws n_features"]:
+    """Draws as an update does, only longer."""
+    rng = stream(seed, "bench-posterior-ours")
+    comparisons = ComparisonSet(preferred_diffs, np.ones(len(preferred_diffs)))
+    target = Target(Prior("sphere", preferred_diffs.shape[1]), RESPONSE, comparisons)
+    points = run_chains(rng, target, learn_proposal(rng, target, _N_WARMUP, _N_CHAINS), _N_DRAWS).points
+    return target.weights(points.reshape(-1, target.n_coordinates)).reshape(*points.shape[:2], -1)
+
+
+def _update(study: Study) -> Sampler:
     """Returns the product's own update."""
     prior = prior_of(study.domain)
 
     def sample(seed: int, answers: Answers) -> Run:
-        rng = stream(seed, "bench-posterior-ours")
+        rng = stream(seed, "bench-posterior-update")
         comparisons = answers.comparisons
         seconds, posterior = _timed(lambda: infer(rng, prior, RESPONSE, comparisons, study.sampler))
         ess = posterior.diagnostics.ess_bulk
@@ -159,7 +181,7 @@ def _ours(study: Study) -> Sampler:
     return sample
 
 
-def _theirs(peer: Peer) -> Sampler:
+def _sampler(peer: Peer) -> Sampler:
     def sample(seed: int, answers: Answers) -> Run:
         preferred_diffs = answers.comparisons.preferred_diffs
         seconds, draws = _timed(lambda: peer.draw(seed, preferred_diffs))
@@ -218,12 +240,6 @@ def _time_updates(
 def _ratio_to_best(rates: dict[str, float]) -> float | None:
     peers = [rate for name, rate in rates.items() if name != _OURS]
     return round(rates[_OURS] / max(peers), 2) if peers else None
-
-
-def _settings(study: Study, peers: list[Peer]) -> dict[str, str]:
-    ours: SamplerSettings = study.sampler
-    own = f"as in '{_STUDY}': {ours.n_chains} chains, {ours.n_warmup} + {ours.n_draws} steps, diagnostics included"
-    return {_OURS: own, **{peer.name: peer.settings for peer in peers}}
 
 
 def _describe(runs: list[Run]) -> dict[str, float]:

@@ -104,10 +104,9 @@ def _still_active(study: Study, request: Request) -> Request:
 def _timed_parts(study: Study, request: Request) -> tuple[dict[str, float], Posterior]:
     """Times a continuation as a whole, then its parts one by one."""
     whole_ms, continuation = _timed(lambda: continue_session(request))
-    posterior_ms, posterior = _timed(lambda: infer_posterior(study, request.participant, request.comparisons))
-    pair_ms, proposed = _timed(
-        lambda: propose_active_query(study, request.participant, request.query_index, posterior)
-    )
+    names = (study, request.participant, request.query_index)
+    posterior_ms, posterior = _timed(lambda: infer_posterior(*names, request.comparisons))
+    pair_ms, proposed = _timed(lambda: propose_active_query(*names, posterior))
     clips_ms, clips = _timed(lambda: clip_digests(study.domain, proposed.query))
     assert clips == continuation.prepared.clips, "the parts make up the whole"
     times = {

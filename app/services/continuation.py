@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 from study_core.comparison import ComparisonSet
@@ -12,7 +13,7 @@ from study_core.posterior.run import Posterior
 from study_core.queries import Participant, ProposedQuery
 from study_core.session import QueryPrepared
 
-VERSION = "continuation-1"
+VERSION = "continuation-2"
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Request:
     needs_posterior: bool
     test_query: ProposedQuery | None
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Returns the name of the computation: equal requests are computed once, and none goes stale."""
         digest = hashlib.sha256(self.study_text.encode())

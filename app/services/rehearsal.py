@@ -139,7 +139,8 @@ def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, 
     if n_active not in by_query:
         # Nothing is asked after the last active answer, so nobody has needed what it says.
         assert live.state.participant is not None, "the session has begun"
-        by_query[n_active] = infer_posterior(live.study, live.state.participant, live.state.comparisons).mean
+        last = infer_posterior(live.study, live.state.participant, n_active, live.state.comparisons)
+        by_query[n_active] = last.mean
     return [by_query[min(index + 1, n_active)] for index in range(len(live.state.answers))]
 
 

@@ -55,7 +55,7 @@ def same_proposal(first, second):
 
 
 def test_the_posterior_of_a_participant_is_derived_again_to_the_bit():
-    first, second = (infer_posterior(STUDY, 3, some_answers(7)) for _ in range(2))
+    first, second = (infer_posterior(STUDY, 3, 7, some_answers(7)) for _ in range(2))
     np.testing.assert_array_equal(first.samples, second.samples)
     np.testing.assert_array_equal(first.log_likelihoods, second.log_likelihoods)
     np.testing.assert_array_equal(first.mean, second.mean)
@@ -63,13 +63,13 @@ def test_the_posterior_of_a_participant_is_derived_again_to_the_bit():
 
 def test_participants_have_streams_of_their_own():
     samples = [
-        infer_posterior(STUDY, participant, some_answers(7)).samples for participant in (1, 2, "rehearsal")
+        infer_posterior(STUDY, participant, 7, some_answers(7)).samples for participant in (1, 2, "rehearsal")
     ]
     assert len({array.tobytes() for array in samples}) == 3
 
 
 def test_a_query_is_derived_again_to_the_bit_without_its_predecessors():
-    posterior = infer_posterior(STUDY, 1, some_answers(2))
+    posterior = infer_posterior(STUDY, 1, 2, some_answers(2))
     first = propose_active_query(STUDY, 1, 2, posterior)
     propose_active_query(STUDY, 1, 0, posterior)
     propose_test_set(STUDY)
@@ -77,7 +77,7 @@ def test_a_query_is_derived_again_to_the_bit_without_its_predecessors():
 
 
 def test_provenance_says_everything_needed_to_derive_the_query_again():
-    posterior = infer_posterior(STUDY, 4, some_answers(2))
+    posterior = infer_posterior(STUDY, 4, 2, some_answers(2))
     proposed = propose_active_query(STUDY, 4, 2, posterior)
     found = proposed.provenance
     method = acquisition_named("heuristic")
@@ -94,7 +94,7 @@ def test_provenance_says_everything_needed_to_derive_the_query_again():
 
 
 def test_each_trajectory_is_the_best_found_for_its_own_weights():
-    posterior = infer_posterior(STUDY, 4, some_answers(2))
+    posterior = infer_posterior(STUDY, 4, 2, some_answers(2))
     proposed = propose_active_query(STUDY, 4, 2, posterior)
     query, found = proposed.query, proposed.provenance
     for controls, features in ((query.controls_a, query.features_a), (query.controls_b, query.features_b)):
@@ -177,7 +177,7 @@ def test_a_query_from_the_bank_says_which_bank_and_what_each_drive_is_best_for()
     study = parse_study(
         references.study_text(acquisition__method="information-gain-realistic", trajectory__search="bank")
     )
-    posterior = infer_posterior(study, 4, some_answers(2))
+    posterior = infer_posterior(study, 4, 2, some_answers(2))
     proposed = propose_active_query(study, 4, 2, posterior)
     found, query = proposed.provenance, proposed.query
     assert found.bank_digest == study.bank.digest
@@ -190,7 +190,7 @@ def test_a_query_from_the_bank_says_which_bank_and_what_each_drive_is_best_for()
 
 def test_a_query_over_free_controls_has_no_weights_that_its_drives_are_best_for():
     study = parse_study(references.study_text(acquisition__method="information-gain"))
-    found = propose_active_query(study, 1, 0, infer_posterior(study, 1, some_answers(2))).provenance
+    found = propose_active_query(study, 1, 0, infer_posterior(study, 1, 2, some_answers(2))).provenance
     assert (found.weights_a, found.weights_b, found.are_distinct) == (None, None, True)
 
 
@@ -207,7 +207,7 @@ def test_controls_are_the_same_when_they_differ_by_less_than_a_millionth_of_thei
 
 def test_the_method_that_the_study_names_is_used():
     study = parse_study(references.study_text(acquisition__method="thompson"))
-    posterior = infer_posterior(study, 1, some_answers(2))
+    posterior = infer_posterior(study, 1, 2, some_answers(2))
     found = propose_active_query(study, 1, 2, posterior).provenance
     ranked = acquisition_named("thompson").rank_pairs(
         stream(5, "acquisition", 1, 2), Situation(DRIVING_V1, posterior, None, 0.1, 0.0), 11
@@ -218,7 +218,7 @@ def test_the_method_that_the_study_names_is_used():
 
 def test_the_test_set_is_the_same_every_time_and_as_long_as_the_study_says():
     first = propose_test_set(STUDY)
-    propose_active_query(STUDY, 9, 0, infer_posterior(STUDY, 9, ComparisonSet.empty(4)))
+    propose_active_query(STUDY, 9, 0, infer_posterior(STUDY, 9, 0, ComparisonSet.empty(4)))
     second = propose_test_set(parse_study(references.study_text(), source="elsewhere"))
     assert len(first) == len(second) == 2
     assert all(map(same_proposal, first, second))

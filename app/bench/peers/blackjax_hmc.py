@@ -8,33 +8,14 @@ from __future__ import annotations
 
 import blackjax
 import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Float
 
-from app.bench.peers.jax_target import log_density, to_points, to_weights
-from app.bench.peers.target import draw_starts
+from app.bench.peers.jax_target import all_chains, log_density
 
-_N_CHAINS, _N_WARMUP, _N_DRAWS, _N_LEAPFROG = 64, 300, 1000, 6
+_N_CHAINS, _N_WARMUP, _N_DRAWS, _N_LEAPFROG = 64, 300, 4000, 6
 
 SETTINGS = (
     f"HMC, {_N_LEAPFROG} leapfrogs, dense metric, {_N_CHAINS} chains at once, {_N_WARMUP} + {_N_DRAWS} steps"
 )
-
-
-def draw(
-    seed: int, preferred_diffs: Float[np.ndarray, "n_answers n_features"]
-) -> Float[np.ndarray, "n_chains n_draws n_features"]:
-    """Draws with `jax_target`'s coordinates; each chain learns step size and metric in its warm-up."""
-    starts = draw_starts(np.random.default_rng(seed), preferred_diffs, _N_CHAINS)
-    keys = jax.random.split(jax.random.key(seed), _N_CHAINS)
-    points = _run_chains(keys, to_points(starts), jnp.asarray(preferred_diffs))
-    return to_weights(np.asarray(points))
-
-
-@jax.jit
-def _run_chains(keys: jax.Array, starts: jax.Array, preferred_diffs: jax.Array) -> jax.Array:
-    return jax.vmap(_run_chain, in_axes=(0, 0, None))(keys, starts, preferred_diffs)
 
 
 def _run_chain(key: jax.Array, start: jax.Array, preferred_diffs: jax.Array) -> jax.Array:
@@ -56,3 +37,6 @@ def _run_chain(key: jax.Array, start: jax.Array, preferred_diffs: jax.Array) -> 
 
     _, points = jax.lax.scan(step, state, jax.random.split(sampling_key, _N_DRAWS))
     return points
+
+
+draw = all_chains(_run_chain, _N_CHAINS)

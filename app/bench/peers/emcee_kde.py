@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from app.bench.peers.target import draw_starts, log_likelihood
 
-_N_WALKERS, _N_WARMUP, _N_DRAWS = 128, 40, 400
+_N_WALKERS, _N_WARMUP, _N_DRAWS = 128, 40, 1000
 
 SETTINGS = f"KDEMove, {_N_WALKERS} walkers, {_N_WARMUP} + {_N_DRAWS} steps"
 

@@ -7,15 +7,35 @@ s_1 ... s_d per unit of y (the determinant of the softmax): the log prior densit
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from app.bench.peers.target import LAPSE_RATE, RATIONALITY
+from app.bench.peers import Draw
+from app.bench.peers.target import LAPSE_RATE, RATIONALITY, draw_starts
 
 # The precision that every other sampler here works in.
 jax.config.update("jax_enable_x64", True)
+
+RunChain = Callable[[jax.Array, jax.Array, jax.Array], jax.Array]
+"""Returns the points of one chain from its random key, its start and the answers."""
+
+
+def all_chains(run_chain: RunChain, n_chains: int) -> Draw:
+    """Returns a sampler that runs chains from starts of their own in one compiled function."""
+    run_chains = jax.jit(jax.vmap(run_chain, in_axes=(0, 0, None)))
+
+    def draw(
+        seed: int, preferred_diffs: Float[np.ndarray, "n_answers n_features"]
+    ) -> Float[np.ndarray, "n_chains n_draws n_features"]:
+        starts = draw_starts(np.random.default_rng(seed), preferred_diffs, n_chains)
+        keys = jax.random.split(jax.random.key(seed), n_chains)
+        return to_weights(np.asarray(run_chains(keys, to_points(starts), jnp.asarray(preferred_diffs))))
+
+    return draw
 
 
 def log_density(point: jax.Array, preferred_diffs: jax.Array) -> jax.Array:
