@@ -46,3 +46,7 @@ class PublishedDataError(StudyCoreError):
 
 class ScriptError(StudyCoreError):
     """A scripted session with too few, too many or wrong answers."""
+
+
+class TooFewAnswersError(StudyCoreError):
+    """Fewer answers than a predictor can learn from."""
