@@ -1,0 +1,43 @@
+"""Intervals of means over people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from study_core.streams import stream
+
+_N_RESAMPLES = 20_000
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean over people.
+
+    Attributes:
+        value: The mean.
+        low: Lower end of its 95 % interval, people resampled.
+        high: Upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def mean_over_people(seed: int, values: Sequence[float]) -> Mean:
+    """Returns a mean with its percentile interval; people are drawn anew with replacement (Efron 1979).
+
+    The same people are drawn for equal seeds and numbers of people, so that differences of means are as certain as
+    they should be.
+
+    Args:
+        seed: Names the stream of the resampling.
+        values: One for each person, at least one.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    rows = stream(seed, "people-resampled").integers(len(array), size=(_N_RESAMPLES, len(array)))
+    low, high = np.percentile(array[rows].mean(axis=1), [2.5, 97.5])
+    return Mean(float(array.mean()), float(low), float(high))
