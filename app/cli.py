@@ -249,7 +249,7 @@ def bench_acquisition(
         Path | None, typer.Option(help="Draw the picture into this new folder, with its numbers.")
     ] = None,
 ) -> None:
-    """Compare how fast the acquisition methods learn the same simulated people; about ten minutes on two cores."""
+    """Compare how fast the acquisition methods learn the same simulated people; ten to fifteen minutes on two cores."""
     from app.bench import acquisition
 
     _open_bank(find_study(acquisition.STUDY))
