@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from study_core.domain import Domain
+from study_core.domains.driving.safety import CAR_LENGTH, CAR_WIDTH
 from study_core.evaluation.figures.learned_feature import FeatureFn
 from study_core.evaluation.figures.style import INK, VERMILION, new_figure
 
@@ -15,7 +16,6 @@ from study_core.evaluation.figures.style import INK, VERMILION, new_figure
 MOMENTS = (4, 14, 24, 34, 44)
 _SPEED, _HEADING = 1.0, 0.5 * np.pi
 _ACROSS, _ALONG = np.linspace(-0.4, 0.4, 61), np.linspace(-0.6, 2.6, 161)
-_CAR_LENGTH, _CAR_WIDTH = 0.18, 0.09
 
 
 def over_the_road(domain: Domain, feature: FeatureFn, moment: int) -> Float[np.ndarray, "n_along n_across"]:
@@ -42,9 +42,9 @@ def draw(domain: Domain, maps: Float[np.ndarray, "n_moments n_along n_across"]) 
         x, y = path[moment + 1, :2]
         axes.add_patch(
             Rectangle(
-                (y - 0.5 * _CAR_LENGTH, x - 0.5 * _CAR_WIDTH),
-                _CAR_LENGTH,
-                _CAR_WIDTH,
+                (y - 0.5 * CAR_LENGTH, x - 0.5 * CAR_WIDTH),
+                CAR_LENGTH,
+                CAR_WIDTH,
                 facecolor=VERMILION,
                 edgecolor="white",
                 linewidth=1,
