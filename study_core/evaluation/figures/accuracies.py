@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from study_core.evaluation.figures.style import FAINT, INK, PREDICTOR_COLOURS, belongs_to, finish, new_figure
 from study_core.evaluation.intervals import Mean
 
-NAME = "accuracies"
 _PAPERS = ("hand-coded-stored", "personal-network")
 _WIDTH = 0.38
 
@@ -45,7 +44,7 @@ def _bars(axes: Axes, stored: Mapping[str, float], trials: Mapping[str, Sequence
             place + 0.5 * _WIDTH, best.mean(), best.std(), color=INK, linewidth=1, capsize=2, fmt="none"
         )
         for bar in (*left, *right):
-            belongs_to(bar, NAME, person)
+            belongs_to(bar, person)
     axes.set_xticks(range(len(stored)), list(stored))
     axes.set_xlim(-0.7, len(stored) - 0.3)
     axes.set_ylim(0.0, 1.0)

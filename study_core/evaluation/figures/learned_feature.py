@@ -78,8 +78,8 @@ def draw_all(
     figure = new_figure(9.5, 3.4)
     left, right = figure.subplots(1, 2, sharey=True)
     for person, values in by_heading.items():
-        _line(left, "features-of-all", person, HEADINGS_DEG, values)
-        _line(right, "features-of-all", person, SPEEDS, by_speed[person])
+        _line(left, person, HEADINGS_DEG, values)
+        _line(right, person, SPEEDS, by_speed[person])
     left.plot(HEADINGS_DEG, np.sin(np.radians(HEADINGS_DEG)), color=VERMILION, linewidth=1.5)
     left.annotate(
         "sin(heading)", (135.0, 0.75), (6, 2), textcoords="offset points", color=VERMILION, fontsize=9
@@ -102,9 +102,9 @@ def _name_end(axes: Axes, name: str, value: float, colour: str) -> None:
     )
 
 
-def _line(axes: Axes, figure: str, person: str, x: np.ndarray, values: np.ndarray) -> None:
+def _line(axes: Axes, person: str, x: np.ndarray, values: np.ndarray) -> None:
     (line,) = axes.plot(x, values, color=BLUE, linewidth=1.1, alpha=0.6)
-    belongs_to(line, figure, person)
+    belongs_to(line, person)
 
 
 def _finish_headings(axes: Axes, title: str) -> None:

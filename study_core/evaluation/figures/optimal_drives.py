@@ -12,8 +12,6 @@ from study_core.domain import Domain
 from study_core.evaluation.figures.road import draw_drive, draw_other, draw_road, extent
 from study_core.evaluation.figures.style import BLUE, belongs_to, new_figure
 
-NAME = "optimal-drives"
-
 
 def draw(domain: Domain, drives: Mapping[str, Mapping[str, Float[np.ndarray, " n_controls"]]]) -> Figure:
     """Returns a panel for each way to the best drive.
@@ -34,7 +32,7 @@ def draw(domain: Domain, drives: Mapping[str, Mapping[str, Float[np.ndarray, " n
         for person, controls in of_people.items():
             line = draw_drive(axes, domain, controls, BLUE)
             line.set_alpha(0.65)
-            belongs_to(line, NAME, person)
+            belongs_to(line, person)
     for axes in panels[len(drives) :]:
         axes.set_visible(False)
     return figure

@@ -10,6 +10,9 @@ from matplotlib.figure import Figure
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#D18F00", "#CC79A7", "#4BA3D6"
 INK, GREY, FAINT = "#222222", "#808080", "#E3E3E3"
 
+PERSON_PREFIX = "person:"
+"""What the SVG id of a person's artist begins with."""
+
 PREDICTOR_COLOURS = {
     "hand-coded-stored": GREY,
     "hand-coded-calibrated": SKY,
@@ -35,9 +38,9 @@ def finish(axes: Axes, title: str, x_label: str, y_label: str = "") -> None:
     axes.tick_params(length=2, labelsize=8, colors=INK)
 
 
-def belongs_to(artist: Artist, figure: str, person: str) -> None:
+def belongs_to(artist: Artist, person: str) -> None:
     """Says whose an artist is."""
-    artist.set_gid(f"{figure}:person:{person}")
+    artist.set_gid(f"{PERSON_PREFIX}{person}")
 
 
 def spread_labels(positions: list[float], gap: float) -> list[float]:

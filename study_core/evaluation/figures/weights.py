@@ -10,8 +10,6 @@ from matplotlib.figure import Figure
 
 from study_core.evaluation.figures.style import BLUE, FAINT, belongs_to, finish, new_figure
 
-NAME = "weights"
-
 
 def draw(
     feature_names: Sequence[str], samples: Mapping[str, Float[np.ndarray, "n_samples n_features"]]
@@ -29,8 +27,8 @@ def draw(
             low, high = np.quantile(of_person[:, k], [0.05, 0.95])
             (line,) = axes.plot([low, high], [row, row], color=BLUE, linewidth=1.5)
             (dot,) = axes.plot(of_person[:, k].mean(), row, "o", color=BLUE, markersize=4)
-            belongs_to(line, NAME, person)
-            belongs_to(dot, NAME, person)
+            belongs_to(line, person)
+            belongs_to(dot, person)
         axes.set_xlim(0.0, 1.0)
         axes.grid(axis="x", color=FAINT, linewidth=0.7)
         axes.set_axisbelow(True)

@@ -47,7 +47,7 @@ def test_bars_are_as_high_as_accuracies_and_know_whose_they_are():
     heights = [bar.get_height() for bar in figure.axes[0].patches]
     np.testing.assert_allclose(heights, [0.5, 0.75, 0.6, 0.75, 0.7, 0.75])
     text = svg_of(figure)
-    assert all(f'id="accuracies:person:{person}"' in text for person in PEOPLE)
+    assert all(f'id="person:{person}"' in text for person in PEOPLE)
 
 
 def test_a_calibrated_predictor_is_drawn_on_the_diagonal():
@@ -95,7 +95,7 @@ def test_everybody_s_line_is_there_for_heading_and_speed():
     headings = {person: np.zeros(len(learned_feature.HEADINGS_DEG)) for person in PEOPLE}
     speeds = {person: np.zeros(len(learned_feature.SPEEDS)) for person in PEOPLE}
     text = svg_of(learned_feature.draw_all(headings, speeds))
-    assert all(text.count(f'id="features-of-all:person:{person}"') == 2 for person in PEOPLE)
+    assert all(text.count(f'id="person:{person}"') == 2 for person in PEOPLE)
 
 
 @pytest.mark.parametrize("n_ways", [1, 2, 4])
