@@ -68,11 +68,26 @@ class Provenance:
 
 
 @dataclass(frozen=True)
+class Imported:
+    """Where a query that another program asked was read from; it can't be derived again.
+
+    Attributes:
+        file: Name of the file.
+        sha256: Of the file, in hex.
+        entry: Place of the query among the file's, from 0.
+    """
+
+    file: str
+    sha256: str
+    entry: int
+
+
+@dataclass(frozen=True)
 class ProposedQuery:
     """A query and where it comes from."""
 
     query: Query
-    provenance: Provenance
+    provenance: Provenance | Imported
 
 
 @dataclass(frozen=True)
