@@ -227,6 +227,35 @@ def import_(
 
 
 @cli.command()
+def train(
+    study: Annotated[
+        str | None,
+        typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
+    ] = None,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes that train; all cores unless told. The results don't depend on it."
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
+) -> None:
+    """Train the model of everyone who has finished and has none, rehearsed people apart.
+
+    `serve` does the same by itself whenever somebody finishes.
+    """
+    from app import wiring
+
+    log.configure("WARNING")
+    with wiring.training(database, workers or n_cores(), scheduler) as trainer, _progress() as progress:
+        missing = trainer.missing(study)
+        task = progress.add_task("people", total=len(missing))
+        trainer.train(missing, lambda: progress.advance(task))
+    print(f"Trained the models of {len(missing)} people." if missing else "Nobody lacks a model.")
+
+
+@cli.command()
 def delete(
     person_id: Annotated[str, typer.Argument(help="The person's id, as `export` writes it.")],
     database: DatabaseOption = DEFAULT_DATABASE,
@@ -249,7 +278,7 @@ def delete(
     print(f"Deleted {who}, with {models}.")
     if not done.is_wiped:
         console.print(
-            "[yellow]The database's files may still hold traces:[/] another program reads them, or a server keeps them. "
+            "[yellow]The database's files may still hold traces:[/] another program reads them or keeps them. "
             "Stop whoever reads a SQLite file, then run VACUUM on it.",
             highlight=False,
         )

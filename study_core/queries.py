@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -72,10 +73,13 @@ class Imported:
     """Where a query that another program asked was read from; it can't be derived again.
 
     Attributes:
+        method: `imported`, whatever the other program called its own.
         file: Name of the file.
         sha256: Of the file, in hex.
         entry: Place of the query among the file's, from 0.
     """
+
+    method: ClassVar[str] = "imported"
 
     file: str
     sha256: str

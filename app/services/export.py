@@ -20,6 +20,7 @@ People = Literal["joined", "rehearsed", "imported", "all"]
 # A table's rows have the same columns, whether a query was computed here or imported.
 _NO_PROVENANCE: Row = {
     **{field.name: None for kind in (Provenance, Imported) for field in fields(kind)},
+    "method": Imported.method,
     "has_converged": [None, None],
 }
 

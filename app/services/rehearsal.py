@@ -18,7 +18,7 @@ from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
-from study_core.queries import Provenance, infer_posterior
+from study_core.queries import infer_posterior
 from study_core.session import QueryPrepared
 from study_core.streams import stream
 from study_core.study import Study
@@ -153,8 +153,7 @@ def _rows(
     for prepared, given, person, mean in zip(
         live.state.prepared, live.state.answers, asked, means, strict=True
     ):
-        query, provenance = prepared.proposed.query, prepared.proposed.provenance
-        assert isinstance(provenance, Provenance), "rehearsed queries are computed here"
+        query = prepared.proposed.query
         likely = person.probabilities(query)
         rows.append(
             {
@@ -162,7 +161,7 @@ def _rows(
                 "participant": live.state.participant,
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
-                "method": provenance.method,
+                "method": prepared.proposed.provenance.method,
                 "choice": given.choice.value,
                 "probability": likely[given.choice],
                 "probability_of": {choice.value: value for choice, value in likely.items()},

@@ -155,6 +155,8 @@ def answer(
         preparation.announce(runtime, live, continuation)
     else:
         runtime.on_change(session_id)
+    if receipt.screen.kind == "finished" and runtime.trainer is not None:
+        runtime.trainer.begin(session_id)
     return receipt
 
 
