@@ -93,7 +93,7 @@ def check_foreign_keys(connection: Connection) -> None:
 def wipe(engine: Engine) -> bool:
     """Rewrites the file without what has been removed, and empties the write-ahead log, which still holds it.
 
-    Zeros alone (`secure_delete`) don't reach copies that were left behind when SQLite moved rows between pages.
+    Zeros alone (`secure_delete`) don't reach every copy that was left behind when SQLite moved rows between pages.
 
     Returns:
         Whether both were done; not so while another connection reads an older state.

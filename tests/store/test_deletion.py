@@ -97,15 +97,18 @@ def test_nothing_is_left_of_half_the_people_deleted_in_turn(store, people, datab
     assert [len(store.events(person)) for person in people[1::2]] == [2 * N_QUERIES] * 6
 
 
+def test_the_file_is_rewritten_without_the_pages_that_have_become_free(store, people, database_url):
+    store.delete_session(people[4])
+    with closing(sqlite3.connect(file_of(database_url))) as rows:
+        assert rows.execute("PRAGMA freelist_count").fetchone() == (0,)
+
+
 def test_the_tables_hold_no_row_of_a_deleted_person_but_the_tombstone(store, people, database_url):
     store.delete_session(people[4])
     with closing(sqlite3.connect(file_of(database_url))) as rows:
         tables = [name for (name,) in rows.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
         holding = {
-            table
-            for table in tables
-            for row in rows.execute(f"SELECT * FROM {table}")
-            if people[4] in row
+            table for table in tables for row in rows.execute(f"SELECT * FROM {table}") if people[4] in row
         }
         assert holding == {"tombstones"}
         ((session_id, at),) = rows.execute("SELECT * FROM tombstones")
