@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -179,7 +180,9 @@ def simulate(
 def export(
     out: Annotated[Path, typer.Argument(help="A new folder.")],
     format_: Annotated[Literal["csv", "jsonl"], typer.Option("--format", help="One file a table.")] = "csv",
-    people: Annotated[Literal["real", "rehearsed", "all"], typer.Option(help="Whose sessions.")] = "real",
+    people: Annotated[
+        Literal["joined", "rehearsed", "imported", "all"], typer.Option(help="Whose sessions.")
+    ] = "joined",
     database: DatabaseOption = DEFAULT_DATABASE,
 ) -> None:
     """Write people, queries, answers, posteriors and events as tidy tables, with the study files."""
@@ -192,12 +195,111 @@ def export(
     console.print(f"Wrote {n_people} people to {out}.")
 
 
+@cli.command("import")
+def import_(
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of the published study's JLD2 files.")
+    ],
+    database: DatabaseOption = DEFAULT_DATABASE,
+    json_: JsonOption = False,
+) -> None:
+    """Take the published study's people into a database, as finished sessions marked as imported.
+
+    Any subset of the people will do. All files are read before anything is stored; somebody who is there already stays
+    as they are.
+    """
+    from app.services.published import import_person, read_people
+    from app.store import open_store
+
+    with _progress() as progress:
+        people = read_people(directory, _shown(progress, "people"))
+    with open_store(database) as store:
+        for person in people:
+            done = import_person(store, person)
+            if json_:
+                print(json.dumps(asdict(done)))
+                continue
+            became = (
+                f"session {done.session_id}" if done.session_id else "was imported before; nothing changed"
+            )
+            answers = f"{done.n_active} active and {done.n_test} test answers"
+            print(f"person {done.number:2d}: {answers}; {became}")
+
+
+@cli.command()
+def train(
+    study: Annotated[
+        str | None,
+        typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
+    ] = None,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes that train; all cores unless told. The results don't depend on it."
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
+) -> None:
+    """Train the model of everyone who has finished and has none, rehearsed people apart.
+
+    `serve` does the same by itself whenever somebody finishes.
+    """
+    from app import wiring
+
+    log.configure("WARNING")
+    with wiring.training(database, workers or n_cores(), scheduler) as trainer, _progress() as progress:
+        missing = trainer.missing(study)
+        task = progress.add_task("people", total=len(missing))
+        trainer.train(missing, lambda: progress.advance(task))
+    print(f"Trained the models of {len(missing)} people." if missing else "Nobody lacks a model.")
+
+
+@cli.command()
+def delete(
+    person_id: Annotated[str, typer.Argument(help="The person's id, as `export` writes it.")],
+    database: DatabaseOption = DEFAULT_DATABASE,
+    yes: Annotated[bool, typer.Option("--yes", help="Don't ask.")] = False,
+) -> None:
+    """Delete a person for good: answers, posteriors, measures, their models, and every model that learned from them.
+
+    Their id and the time of deletion stay. Copies that `migrate` or you have made are not touched.
+    """
+    from app.store import open_store
+
+    with open_store(database) as store:
+        record = store.session(person_id)
+        name = store.study_name(record.study_hash)
+        who = f"{record.source} person {record.ordinal} of {name} ({store.n_answers(person_id)} answers)"
+        if not yes:
+            typer.confirm(f"Delete {who} for good?", abort=True, err=True)
+        done = store.delete_session(person_id)
+    models = f"{done.n_personal_models} personal and {done.n_shared_models} shared models"
+    print(f"Deleted {who}, with {models}.")
+    if not done.is_wiped:
+        console.print(
+            "[yellow]The database's files may still hold traces:[/] another program reads them or keeps them. "
+            "Stop whoever reads a SQLite file, then run VACUUM on it.",
+            highlight=False,
+        )
+
+
 @cli.command()
 def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
-    """Bring a database to this version's schema; nothing may be serving it meanwhile."""
+    """Bring a database to this version's schema; nothing may be serving it meanwhile.
+
+    A SQLite file is copied first, next to it.
+    """
     from app.store.migrate import upgrade
 
-    console.print(f"The database has schema {upgrade(database)}.")
+    done = upgrade(database)
+    if done.before == done.after:
+        print(f"The database has schema {done.after} already; nothing changed.")
+    elif done.before is None:
+        print(f"Created the database with schema {done.after}.")
+    else:
+        copy = f" A copy of what it was is in {done.backup}." if done.backup else ""
+        print(f"Upgraded the database from schema {done.before} to {done.after}.{copy}")
 
 
 bench = typer.Typer(

@@ -24,6 +24,10 @@ class DomainError(StudyCoreError):
     """A domain plug-in breaks its contract."""
 
 
+class NotATrajectoryError(StudyCoreError):
+    """States that no controls of the domain lead to."""
+
+
 class BankError(StudyCoreError):
     """A bank of optimised trajectories that can't be built, or is another domain's."""
 

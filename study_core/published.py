@@ -40,8 +40,9 @@ class PublishedPerson:
         test: Answers to the common test queries.
         training_states: [x, y, theta, v] of both drives of each active query, shape `(n_answers, 2, 50, 4)`.
         test_states: The same of each test query.
-        posterior_samples: Samples of w as the study drew them, oldest first, each `(100, 4)`; the last entry is the
-            posterior after all active answers.
+        posterior_samples: Samples of w as the study drew them, oldest first, each `(100, 4)`; the last query was
+            chosen from the last, which therefore doesn't know its answer. Some people have one more entry than
+            queries, in front: the prior twice.
     """
 
     number: int
@@ -58,6 +59,15 @@ def read_study(directory: Path) -> dict[int, PublishedPerson]:
     Raises:
         PublishedDataError: The folder holds no training file, or one of its files can't be read.
     """
+    return {number: read_person(*files) for number, files in find_files(directory).items()}
+
+
+def find_files(directory: Path) -> dict[int, tuple[Path, Path]]:
+    """Returns the training file and the test file of every person in a folder, by number; they may turn out missing.
+
+    Raises:
+        PublishedDataError: The folder holds no training file.
+    """
     if not directory.is_dir():
         raise PublishedDataError(f"Expected the folder of the published data at {directory}; there is none.")
     matches = ((_TRAINING_FILE.fullmatch(path.name), path) for path in directory.iterdir())
@@ -66,7 +76,7 @@ def read_study(directory: Path) -> dict[int, PublishedPerson]:
         raise PublishedDataError(
             f"Expected files such as train1.jld2 in {directory}; found none. Unpack the published data there."
         )
-    return {number: read_person(path, directory / f"test{number}.jld2") for number, path in training_files}
+    return {number: (path, directory / f"test{number}.jld2") for number, path in training_files}
 
 
 def read_person(train_path: Path, test_path: Path) -> PublishedPerson:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -68,11 +69,29 @@ class Provenance:
 
 
 @dataclass(frozen=True)
+class Imported:
+    """Where a query that another program asked was read from; it can't be derived again.
+
+    Attributes:
+        method: `imported`, whatever the other program called its own.
+        file: Name of the file.
+        sha256: Of the file, in hex.
+        entry: Place of the query among the file's, from 0.
+    """
+
+    method: ClassVar[str] = "imported"
+
+    file: str
+    sha256: str
+    entry: int
+
+
+@dataclass(frozen=True)
 class ProposedQuery:
     """A query and where it comes from."""
 
     query: Query
-    provenance: Provenance
+    provenance: Provenance | Imported
 
 
 @dataclass(frozen=True)

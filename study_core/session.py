@@ -44,8 +44,8 @@ class QueryPrepared:
         phase: Whether its answer informs the posterior.
         proposed: The query and its provenance.
         clips: SHA-256 of the clip in each picture layout: what exactly is shown.
-        code_version: Version of prefstudy that computed it.
-        compute_ms: What it cost, one core.
+        code_version: Version of prefstudy that computed or imported it.
+        compute_ms: What it cost, one core; None for an imported query.
     """
 
     query_index: int
@@ -53,7 +53,7 @@ class QueryPrepared:
     proposed: ProposedQuery
     clips: dict[str, str]
     code_version: str
-    compute_ms: float
+    compute_ms: float | None
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class AnswerGiven:
     Attributes:
         query_index: The query that was answered.
         choice: One that the study offers.
-        response_time_ms: As measured in the browser.
+        response_time_ms: As measured in the browser; None for an imported answer whose time nobody wrote down.
     """
 
     query_index: int
     choice: Choice
-    response_time_ms: int
+    response_time_ms: int | None
 
 
 Event = SessionBegun | QueryPrepared | AnswerGiven

@@ -10,7 +10,7 @@ import numpy as np
 
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
-from study_core.queries import ProposedQuery, Provenance
+from study_core.queries import Imported, ProposedQuery, Provenance
 from study_core.session import AnswerGiven, Event, Phase, QueryPrepared, SessionBegun
 
 Json = dict[str, Any]
@@ -107,8 +107,10 @@ def query_from_json(content: Json) -> Query:
     return Query(**{key: np.array(value, dtype=np.float64) for key, value in content.items()})
 
 
-def provenance_from_json(content: Json) -> Provenance:
-    """Returns a query's provenance from its JSON values."""
+def provenance_from_json(content: Json) -> Provenance | Imported:
+    """Returns a query's provenance from its JSON values; only an imported query's names a file."""
+    if "file" in content:
+        return Imported(**content)
     content = {**_UNRECORDED_IN_0_1, **content}
     weights = {key: content[key] for key in ("weights_a", "weights_b")}
     arrays = {
@@ -118,7 +120,7 @@ def provenance_from_json(content: Json) -> Provenance:
     return Provenance(**{**content, **arrays, **tuples})
 
 
-def _plain(record: Query | Provenance) -> Json:
+def _plain(record: Query | Provenance | Imported) -> Json:
     """Returns a flat dataclass as JSON values."""
     return {field.name: _plain_value(getattr(record, field.name)) for field in fields(record)}
 

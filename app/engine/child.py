@@ -7,15 +7,16 @@ import sys
 import threading
 from typing import Any
 
-# Serving people comes before computing ahead for them.
+# Serving people comes before computing ahead for them, and both before what nobody waits for.
 _WORKER_NICENESS = 10
+_TRAINING_NICENESS = 19
 
 
 def dask_setup(server: Any) -> None:
     """Runs once, before the scheduler or worker is open for work."""
     threading.Thread(target=_exit_with_parent, name="exit-with-parent", daemon=True).start()
     if type(server).__name__ == "Worker":
-        os.nice(_WORKER_NICENESS)
+        os.nice(_TRAINING_NICENESS if "training" in server.state.total_resources else _WORKER_NICENESS)
 
 
 def _exit_with_parent() -> None:

@@ -16,18 +16,18 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
-from distributed import Client
+from distributed import Client, Worker
 from distributed.client import Future as DaskFuture
 from distributed.diagnostics.plugin import WorkerPlugin
 from distributed.security import Security
 
 from app.engine.processes import START_TIMEOUT_S, EngineError, LocalProcesses
+from app.services.continuation import Resource
 
 log = logging.getLogger(__name__)
 
 _REACH_TIMEOUT_S = 10.0
 _WATCH_INTERVAL_S = 0.2
-_QUERY_RESOURCE = {"query": 1}
 
 
 @dataclass
@@ -38,6 +38,7 @@ class _Pending:
     function: Callable[..., Any]
     argument: object
     urgency: float
+    resource: Resource
     future: Future[Any] = field(default_factory=Future)
     remote: DaskFuture | None = None
 
@@ -50,40 +51,60 @@ class DaskEngine:
         n_workers: int = 2,
         scheduler_address: str | None = None,
         warm_up: Callable[[], object] | None = None,
+        n_training_workers: int = 0,
     ) -> None:
         """Starts or reaches the cluster; returns when it takes work.
 
         Args:
-            n_workers: Worker processes of a cluster of our own.
-            scheduler_address: Address of a running scheduler instead.
-            warm_up: Run by every worker before it takes work.
+            n_workers: Worker processes of a cluster of our own that compute queries.
+            scheduler_address: Address of a running scheduler instead; all its workers compute everything.
+            warm_up: Run by every worker that computes queries before it takes work.
+            n_training_workers: Worker processes of a cluster of our own that train, and do nothing else.
 
         Raises:
             EngineError: It doesn't come up, or isn't there.
         """
         self._lock = threading.RLock()
         self._pending: dict[str, _Pending] = {}
-        self._cluster = None if scheduler_address else LocalProcesses(n_workers)
+        self._cluster = None if scheduler_address else LocalProcesses(n_workers, n_training_workers)
         self._address = scheduler_address
         self._closing = threading.Event()
         self._warm_up = warm_up
         self._client = self._connect()
-        self._wait_until_warm()
+        # Whoever trains needs no warming up and may be first; so many have joined only if one who is warm has.
+        self._wait_for_workers(1 if scheduler_address else min(n_workers, 1) + n_training_workers)
         self._watcher = threading.Thread(target=self._watch, name="engine-watch", daemon=True)
         if self._cluster is not None:
             self._watcher.start()
 
-    def submit(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Future[Any]:
+    def submit(
+        self,
+        key: str,
+        function: Callable[..., Any],
+        argument: object,
+        urgency: float,
+        resource: Resource = "query",
+    ) -> Future[Any]:
         """Starts computing `function(argument)`; see `app.services.continuation.Engine`."""
-        return self.submit_together(function, {key: argument}, urgency)[0]
+        return self._submit(function, {key: argument}, urgency, resource)[0]
 
     def submit_together(
         self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
     ) -> list[Future[Any]]:
         """Starts computing `function` of each argument; see `app.services.continuation.Engine`."""
+        return self._submit(function, arguments, urgency, "query")
+
+    def _submit(
+        self,
+        function: Callable[..., Any],
+        arguments: Mapping[str, object],
+        urgency: float,
+        resource: Resource,
+    ) -> list[Future[Any]]:
         with self._lock:
             wanted = [
-                self._known(key, urgency) or self._expect(_Pending(key, function, argument, urgency))
+                self._known(key, urgency)
+                or self._expect(_Pending(key, function, argument, urgency, resource))
                 for key, argument in arguments.items()
             ]
             unsent = [pending for pending in wanted if pending.remote is None]
@@ -150,10 +171,10 @@ class DaskEngine:
             client.register_plugin(_WarmUp(self._warm_up))
         return client
 
-    def _wait_until_warm(self) -> None:
-        """Waits for the first worker, which is warm when it joins."""
+    def _wait_for_workers(self, n_workers: int) -> None:
+        """Waits for the first workers; who computes queries is warm when they join."""
         try:
-            self._client.wait_for_workers(1, timeout=START_TIMEOUT_S)
+            self._client.wait_for_workers(n_workers, timeout=START_TIMEOUT_S)
         except TimeoutError as error:
             raise EngineError(
                 "No worker joined the Dask scheduler. Start one, or mend what its log says."
@@ -169,7 +190,7 @@ class DaskEngine:
                 [pending.argument for pending in batch],
                 key=key + suffix,
                 priority=batch[0].urgency,
-                resources=_QUERY_RESOURCE if self._cluster is not None else None,
+                resources={batch[0].resource: 1} if self._cluster is not None else None,
                 pure=False,
             )
         except Exception:
@@ -240,16 +261,17 @@ class DaskEngine:
 
 
 class _WarmUp(WorkerPlugin):
-    """Makes a worker ready for what it will compute; later workers run it before they join."""
+    """Makes a worker ready for queries; later workers run it before they join."""
 
     name = "warm-up"
 
     def __init__(self, warm_up: Callable[[], object]) -> None:
         self._warm_up = warm_up
 
-    def setup(self, worker: object) -> None:
+    def setup(self, worker: Worker) -> None:
         """Runs once in each worker."""
-        self._warm_up()
+        if "training" not in worker.state.total_resources:
+            self._warm_up()
 
 
 def _compute_each(function: Callable[[object], Any], arguments: list[object]) -> list[Any]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any
 
-from app.services.continuation import Engine
+from app.services.continuation import Engine, Resource
 
 
 class ComputationOnDemand:
@@ -42,10 +42,15 @@ class _EngineOnDemand:
     """What the engines of this module have in common; each says how it computes."""
 
     def submit(
-        self, key: str, function: Callable[..., Any], argument: object, urgency: float
+        self,
+        key: str,
+        function: Callable[..., Any],
+        argument: object,
+        urgency: float,
+        resource: Resource = "query",
     ) -> ComputationOnDemand:
         """Returns the computation; see `app.services.continuation.Engine`."""
-        return ComputationOnDemand(lambda: self._compute(key, function, argument, urgency))
+        return ComputationOnDemand(lambda: self._compute(key, function, argument, urgency, resource))
 
     def submit_together(
         self, function: Callable[..., Any], arguments: Mapping[str, object], urgency: float
@@ -53,14 +58,18 @@ class _EngineOnDemand:
         """Returns a computation for each argument; only those that are asked for are computed."""
         return [self.submit(key, function, argument, urgency) for key, argument in arguments.items()]
 
-    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+    def _compute(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float, resource: Resource
+    ) -> Any:
         raise NotImplementedError
 
 
 class InlineEngine(_EngineOnDemand):
     """Computes in this process: headless replay and simulation."""
 
-    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
+    def _compute(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float, resource: Resource
+    ) -> Any:
         return function(argument)
 
 
@@ -70,5 +79,7 @@ class OnDemandEngine(_EngineOnDemand):
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def _compute(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Any:
-        return self._engine.submit(key, function, argument, urgency).result()
+    def _compute(
+        self, key: str, function: Callable[..., Any], argument: object, urgency: float, resource: Resource
+    ) -> Any:
+        return self._engine.submit(key, function, argument, urgency, resource).result()

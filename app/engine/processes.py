@@ -36,9 +36,10 @@ class EngineError(AppError):
 class LocalProcesses:
     """A scheduler and its workers as child processes, on the loopback address, with TLS of their own."""
 
-    def __init__(self, n_workers: int) -> None:
+    def __init__(self, n_workers: int, n_training_workers: int) -> None:
         self.security = Security.temporary()
-        self._n_workers = n_workers
+        # Dask doesn't preempt, so whoever trains never computes what a person waits for.
+        self._resources = ["query"] * n_workers + ["training"] * n_training_workers
         self._scheduler: subprocess.Popen[bytes] | None = None
         self._workers: list[subprocess.Popen[bytes]] = []
         self._folder = tempfile.TemporaryDirectory(prefix="prefstudy-engine-")
@@ -49,7 +50,14 @@ class LocalProcesses:
     def process_ids(self) -> dict[str, list[int]]:
         """Returns the process ids by role."""
         scheduler = [] if self._scheduler is None else [self._scheduler.pid]
-        return {"scheduler": scheduler, "worker": [worker.pid for worker in self._workers]}
+        workers = [
+            (resource, worker.pid) for resource, worker in zip(self._resources, self._workers, strict=False)
+        ]
+        return {
+            "scheduler": scheduler,
+            "worker": [pid for resource, pid in workers if resource == "query"],
+            "trainer": [pid for resource, pid in workers if resource == "training"],
+        }
 
     def start(self) -> None:
         """Starts the scheduler, then the workers."""
@@ -57,7 +65,7 @@ class LocalProcesses:
         options = ["--host", "tls://127.0.0.1", "--port", "0", "--scheduler-file", str(address_file)]
         self._scheduler = self._spawn("dask_scheduler", options)
         self.address = self._read_address(address_file)
-        self._workers = [self._spawn_worker() for _ in range(self._n_workers)]
+        self._workers = [self._spawn_worker(resource) for resource in self._resources]
 
     def has_scheduler(self) -> bool:
         """Returns whether the scheduler is alive."""
@@ -69,7 +77,7 @@ class LocalProcesses:
             if worker.poll() is not None:
                 log.warning("worker %d has died; starting another", worker.pid)
                 _end(worker)
-                self._workers[index] = self._spawn_worker()
+                self._workers[index] = self._spawn_worker(self._resources[index])
 
     def stop(self) -> None:
         """Ends all processes; they can be started again."""
@@ -85,8 +93,8 @@ class LocalProcesses:
         self.stop()
         self._folder.cleanup()
 
-    def _spawn_worker(self) -> subprocess.Popen[bytes]:
-        options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", "query=1"]
+    def _spawn_worker(self, resource: str) -> subprocess.Popen[bytes]:
+        options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", f"{resource}=1"]
         options += ["--host", "127.0.0.1", "--memory-limit", "0", "--local-directory", self._folder.name]
         return self._spawn("dask_worker", options)
 

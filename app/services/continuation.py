@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from study_core.comparison import ComparisonSet
 from study_core.posterior.run import Posterior
@@ -78,10 +78,21 @@ class Computation(Protocol):
         ...
 
 
+Resource = Literal["query", "training"]
+"""Which workers compute something: those that people wait for, or those that learn when nobody waits."""
+
+
 class Engine(Protocol):
     """Where computations run. Only pure functions of their arguments are submitted."""
 
-    def submit(self, key: str, function: Callable[..., Any], argument: object, urgency: float) -> Computation:
+    def submit(
+        self,
+        key: str,
+        function: Callable[..., Any],
+        argument: object,
+        urgency: float,
+        resource: Resource = "query",
+    ) -> Computation:
         """Starts computing `function(argument)`.
 
         Args:
@@ -89,6 +100,7 @@ class Engine(Protocol):
             function: Importable by name in another process.
             argument: Can be pickled.
             urgency: Larger runs earlier.
+            resource: Which workers compute it.
         """
         ...
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 from typing import Literal
 
@@ -11,9 +12,17 @@ from app.errors import AppError
 from app.services.table import Format, Row, Table
 from app.store import EventRecord, PosteriorRecord, SessionRecord, Store
 from study_core.domain import Domain
+from study_core.queries import Imported, Provenance
 from study_core.study import Study, parse_study
 
-People = Literal["real", "rehearsed", "all"]
+People = Literal["joined", "rehearsed", "imported", "all"]
+
+# A table's rows have the same columns, whether a query was computed here or imported.
+_NO_PROVENANCE: Row = {
+    **{field.name: None for kind in (Provenance, Imported) for field in fields(kind)},
+    "method": Imported.method,
+    "has_converged": [None, None],
+}
 
 
 class ExportError(AppError):
@@ -27,7 +36,7 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
         store: Where the answers are.
         folder: Must not exist, or be empty.
         form: `csv`, where lists become numbered or named columns, or `jsonl`.
-        people: Real ones, rehearsed ones, or all.
+        people: Those who joined here, rehearsed or imported ones, or all.
         on_person: Called after each person.
 
     Returns:
@@ -38,7 +47,8 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
     """
     sessions = [record for record in store.sessions() if _is_wanted(record, people)]
     if not sessions:
-        raise ExportError(f"There are no {people} people to export. Has anyone begun? Try --people all.")
+        whom = "anybody" if people == "all" else f"anybody who was {people}"
+        raise ExportError(f"Expected {whom} to export, found nobody. Has anyone begun? Try --people all.")
     _make_empty(folder)
     with ExitStack() as stack:
         tables: dict[str, Table] = {}
@@ -57,7 +67,7 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
 
 
 def _is_wanted(record: SessionRecord, people: People) -> bool:
-    return people == "all" or record.is_rehearsed == (people == "rehearsed")
+    return people in ("all", record.source)
 
 
 def _make_empty(folder: Path) -> None:
@@ -97,7 +107,7 @@ def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, 
         "study": study.name,
         "study_hash": record.study_hash,
         "ordinal": record.ordinal,
-        "is_rehearsed": record.is_rehearsed,
+        "source": record.source.value,
         "created_at": record.created_at.isoformat(),
         "n_answers": n_answers,
         "is_finished": n_answers == study.protocol.n_queries,
@@ -116,7 +126,7 @@ def _event_row(record: SessionRecord, event: EventRecord) -> Row:
 
 def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row:
     content = event.payload
-    query, provenance = content["query"], content["provenance"]
+    query, provenance = content["query"], {**_NO_PROVENANCE, **content["provenance"]}
     named = {
         key: dict(zip(domain.feature_names, query[key], strict=True)) for key in ("features_a", "features_b")
     }

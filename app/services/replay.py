@@ -80,6 +80,7 @@ def replay(runtime: Runtime, script: Script) -> Json:
                 f"{script.source}: expected the answer to query {prepared.query_index}, got one to query "
                 f"{given.query_index}. Give the answers in order."
             )
+        assert given.response_time_ms is not None, "imported answers aren't replayed"
         return given.choice, given.response_time_ms
 
     # A person who left in the middle answered no more than this.
@@ -163,6 +164,7 @@ def _read_export(folder: Path) -> Iterator[Script]:
         raise ScriptError(
             f"{folder} holds no people.jsonl. Give a directory that `export --format jsonl` wrote."
         )
+    _refuse_imported(folder, people)
     logs: dict[str, list[Json]] = {}
     for _, row in _json_lines(folder / "events.jsonl"):
         logs.setdefault(row["person_id"], []).append(row)
@@ -170,6 +172,15 @@ def _read_export(folder: Path) -> Iterator[Script]:
         text = (folder / "studies" / f"{person['study_hash']}.toml").read_text(encoding="utf-8")
         yield _exported_script(
             folder, person["person_id"], parse_study(text), logs.get(person["person_id"], [])
+        )
+
+
+def _refuse_imported(folder: Path, people: Path) -> None:
+    imported = [row["person_id"] for _, row in _json_lines(people) if row.get("source") == "imported"]
+    if imported:
+        raise ScriptError(
+            f"{folder}: expected queries that prefstudy chose, but another program chose those of {len(imported)} "
+            f"imported people, such as {imported[0]}. Export again with --people joined or --people rehearsed."
         )
 
 

@@ -10,7 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from app.services.continuation import Computation, ContinueFn, Engine, TestSetFn
-from app.store import NewEvent, NewReport, PosteriorRecord, SessionRecord, Store
+from app.services.training import Trainer
+from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
 from study_core.comparison import Choice
 from study_core.queries import ProposedQuery
@@ -66,6 +67,7 @@ class Runtime:
         continue_fn: ContinueFn,
         test_set_fn: TestSetFn,
         on_change: Callable[[str], None] = lambda session_id: None,
+        trainer: Trainer | None = None,
     ) -> None:
         """Joins the parts.
 
@@ -75,11 +77,13 @@ class Runtime:
             continue_fn: Computes a continuation.
             test_set_fn: Computes a study's common test set.
             on_change: Told the id of a session whose log has grown, after it is durable.
+            trainer: Learns from whoever has finished; None where nobody is to be learned from.
         """
         self.store = store
         self.engine = engine
         self.continue_fn = continue_fn
         self.on_change = on_change
+        self.trainer = trainer
         self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
         self._test_set_fn = test_set_fn
         self._studies: dict[str, OpenStudy] = {}
@@ -88,7 +92,7 @@ class Runtime:
         self._lock = threading.RLock()
 
     def close(self) -> None:
-        """Waits for background work; the store and the engine belong to the caller."""
+        """Waits for background work; the store, the engine and the trainer belong to the caller."""
         self.background.shutdown(wait=True)
 
     def open_study(self, study: Study) -> OpenStudy:
@@ -139,6 +143,12 @@ class Runtime:
                 self._by_token[token_hash] = found
         return found
 
+    def _forget(self, record: SessionRecord) -> None:
+        with self._lock:
+            self._live.pop(record.id, None)
+            for token_hash in [key for key, known in self._by_token.items() if known.id == record.id]:
+                del self._by_token[token_hash]
+
     def _read(self, session_id: str) -> LiveSession:
         record = self.store.session(session_id)
         study = parse_study(self.store.study_text(record.study_hash))
@@ -159,6 +169,7 @@ class Runtime:
 
         Raises:
             PositionTakenError: Another process wrote first; the live state has been read again.
+            SessionDeletedError: The session is gone; so is what was known of it here.
         """
         state = live.state
         for event in events:
@@ -166,6 +177,9 @@ class Runtime:
         new = [NewEvent(session_codec.kind_of(event), session_codec.to_json(event)) for event in events]
         try:
             self.store.append(live.record.id, live.state.n_events, new, posterior, report)
+        except SessionDeletedError:
+            self._forget(live.record)
+            raise
         except Exception:
             live.state = self._stored_state(live.study, live.record.id)
             raise

@@ -11,7 +11,7 @@ from app.services import preparation
 from app.services.continuation import Computation, Continuation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
-from app.store import NewReport, PositionTakenError, SessionRecord
+from app.store import NewReport, PositionTakenError, SessionRecord, Source
 from study_core.comparison import Choice, Query
 from study_core.queries import Participant
 from study_core.session import Action, AnswerGiven, SessionBegun, apply, next_action
@@ -81,7 +81,8 @@ def join(runtime: Runtime, study: Study, rehearsal: Participant | None = None) -
     """
     opened = runtime.open_study(study)
     token = new_token()
-    record = runtime.store.create_session(opened.study.hash, hash_token(token), rehearsal is not None)
+    source = Source.JOINED if rehearsal is None else Source.REHEARSED
+    record = runtime.store.create_session(opened.study.hash, hash_token(token), source)
     begin(runtime, record.id, rehearsal)
     return token, record
 
@@ -154,6 +155,8 @@ def answer(
         preparation.announce(runtime, live, continuation)
     else:
         runtime.on_change(session_id)
+    if receipt.screen.kind == "finished" and runtime.trainer is not None:
+        runtime.trainer.begin(session_id)
     return receipt
 
 

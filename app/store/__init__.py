@@ -1,21 +1,37 @@
-"""What the application keeps: studies, sessions and their logs, posteriors, computed results.
+"""What the application keeps: studies, sessions and their logs, posteriors, models, computed results.
 
 The only package that imports SQLAlchemy. Its rows stay inside; records go in and come out.
 """
 
-from app.store.errors import PositionTakenError, StoreError
+from app.store.errors import PositionTakenError, SessionDeletedError, StoreError
 from app.store.locking import serve_lock
-from app.store.records import EventRecord, MeasureRecord, NewEvent, NewReport, PosteriorRecord, SessionRecord
+from app.store.records import (
+    Deletion,
+    EventRecord,
+    ImportedSession,
+    MeasureRecord,
+    ModelRecord,
+    NewEvent,
+    NewReport,
+    PosteriorRecord,
+    SessionRecord,
+    Source,
+)
 from app.store.store import Store, open_store
 
 __all__ = [
+    "Deletion",
     "EventRecord",
+    "ImportedSession",
     "MeasureRecord",
+    "ModelRecord",
     "NewEvent",
     "NewReport",
     "PositionTakenError",
     "PosteriorRecord",
+    "SessionDeletedError",
     "SessionRecord",
+    "Source",
     "Store",
     "StoreError",
     "open_store",

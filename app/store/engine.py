@@ -111,6 +111,17 @@ class Database:
         ):
             yield rows
 
+    def wipe(self) -> bool:
+        """Removes from the database's files what its tables no longer hold.
+
+        Returns:
+            Whether nothing is left; never so on a server that keeps its files itself.
+        """
+        if not sqlite.is_sqlite(self._url):
+            return False
+        with self._write_lock, explaining_failures(self._url):
+            return sqlite.wipe(self._engine)
+
     def close(self) -> None:
         """Closes every connection; whoever comes later is refused."""
         self._is_closed.set()

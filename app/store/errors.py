@@ -7,6 +7,10 @@ class StoreError(AppError):
     """The database can't be used as asked; the message carries the remedy."""
 
 
+class SessionDeletedError(StoreError):
+    """The session was deleted; what comes late for it, a query or a model, is not kept."""
+
+
 class PositionTakenError(StoreError):
     """Somebody else wrote here first: the log's position, or the answer to the query, is taken.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import bindparam, func, insert, select
+from sqlalchemy import bindparam, func, insert, or_, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
@@ -37,6 +37,25 @@ def of_session(rows: Session, session_id: str) -> tuple[EventRecord, ...]:
     sessions.by_id(rows, session_id)
     query = select(EventRow).where(EventRow.session_id == session_id).order_by(EventRow.position)
     return tuple(_record(row) for row in rows.scalars(query))
+
+
+def active_of_session(rows: Session, session_id: str, n_active: int) -> tuple[EventRecord, ...]:
+    """The log without the queries from number `n_active` on, and without their answers."""
+    sessions.by_id(rows, session_id)
+    of_query = func.coalesce(EventRow.prepared_query, EventRow.answered_query)
+    query = (
+        select(EventRow)
+        .where(EventRow.session_id == session_id, or_(of_query.is_(None), of_query < n_active))
+        .order_by(EventRow.position)
+    )
+    return tuple(_record(row) for row in rows.scalars(query))
+
+
+def n_answers(rows: Session, session_id: str) -> int:
+    """How many answers a session has; what they say isn't read."""
+    sessions.by_id(rows, session_id)
+    query = select(func.count(EventRow.answered_query)).where(EventRow.session_id == session_id)
+    return rows.scalar(query) or 0
 
 
 def append(
@@ -76,7 +95,7 @@ def _length(rows: Session, session_id: str) -> int:
     """
     last = rows.execute(_LAST_POSITION, {"session_id": session_id}).one_or_none()
     if last is None:
-        raise sessions.unknown(session_id)
+        raise sessions.unknown(rows, session_id)
     return 0 if last.position is None else int(last.position) + 1
 
 

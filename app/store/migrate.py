@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -42,6 +43,21 @@ class SchemaState(Enum):
     FOREIGN = "another program's"
 
 
+@dataclass(frozen=True)
+class Upgrade:
+    """What `upgrade` has done.
+
+    Attributes:
+        before: The schema version that it found; None in an empty database.
+        after: The schema version that the database has now.
+        backup: Copy of the database as it was found; None where nothing was changed, or where it is no SQLite file.
+    """
+
+    before: str | None
+    after: str
+    backup: Path | None
+
+
 @cache
 def head_version() -> str:
     """The schema version this program reads and writes."""
@@ -64,14 +80,16 @@ def ensure_schema(url: URL) -> None:
             raise StoreError(_refusal(url, state, connection))
 
 
-def upgrade(url: str) -> str:
+def upgrade(url: str) -> Upgrade:
     """Brings a database to this version's schema, or creates it; nobody may be serving it meanwhile.
+
+    A SQLite file is copied first.
 
     Args:
         url: The database's URL.
 
     Returns:
-        The schema version it has now.
+        What was done.
 
     Raises:
         StoreError: When it is being served, can't be opened, is another program's, or is newer.
@@ -81,8 +99,12 @@ def upgrade(url: str) -> str:
         state = schema_state(connection)
         if state in (SchemaState.FOREIGN, SchemaState.NEWER):
             raise StoreError(_refusal(parsed, state, connection))
+        before, backup = _version(connection), None
+        # The transaction holds the write lock: nothing is written between the copy and the upgrade.
+        if state is SchemaState.OLDER and sqlite.is_sqlite(parsed):
+            backup = sqlite.back_up(sqlite.database_path(parsed), f"schema-{before}")
         _upgrade(connection)
-    return head_version()
+    return Upgrade(before, head_version(), backup)
 
 
 @contextmanager
@@ -116,7 +138,7 @@ def _refusal(url: URL, state: SchemaState, connection: Connection) -> str:
             "Nothing was changed; use another --database."
         )
     remedy = (
-        "Stop whoever serves it, back it up and run `prefstudy migrate`."
+        "Stop whoever serves it and run `prefstudy migrate`, which keeps a copy."
         if state is SchemaState.OLDER
         else "Install the newer prefstudy that wrote it, or use another --database."
     )

@@ -12,6 +12,7 @@ from datetime import datetime
 from sqlalchemy import (
     CheckConstraint,
     ForeignKey,
+    ForeignKeyConstraint,
     LargeBinary,
     MetaData,
     String,
@@ -51,21 +52,24 @@ class StudyRow(Base):
 
 
 class SessionRow(Base):
-    """One person's run; only the hash of the person's token is kept."""
+    """One person's run; only the hash of the person's token is kept, and an imported person has none."""
 
     __tablename__ = "sessions"
     __table_args__ = (
         UniqueConstraint("study_hash", "ordinal"),
         UniqueConstraint("token_hash"),
+        UniqueConstraint("import_digest"),
         CheckConstraint("ordinal >= 1", name="ordinal_from_one"),
+        CheckConstraint("source IN ('joined', 'rehearsed', 'imported')", name="known_source"),
     )
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
     study_hash: Mapped[str] = mapped_column(ForeignKey("studies.study_hash"))
     ordinal: Mapped[int]
-    token_hash: Mapped[str] = mapped_column(String(64))
-    is_rehearsed: Mapped[bool]
+    token_hash: Mapped[str | None] = mapped_column(String(64))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    source: Mapped[str] = mapped_column(String(16))
+    import_digest: Mapped[str | None] = mapped_column(String(64))
 
 
 class EventRow(Base):
@@ -122,6 +126,60 @@ class BrowserMeasureRow(Base):
     query_index: Mapped[int]
     measures: Mapped[str] = mapped_column(Text)
     at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class PersonalModelRow(Base):
+    """What was learned from one person's answers; a later model of its kind takes its place."""
+
+    __tablename__ = "personal_models"
+
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key: Mapped[str] = mapped_column(String(255))
+    content: Mapped[bytes] = mapped_column(LargeBinary)
+    lineage: Mapped[str] = mapped_column(Text)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class SharedModelRow(Base):
+    """What was learned from several people of a study."""
+
+    __tablename__ = "shared_models"
+
+    study_name: Mapped[str] = mapped_column(String(255), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key: Mapped[str] = mapped_column(String(255))
+    content: Mapped[bytes] = mapped_column(LargeBinary)
+    lineage: Mapped[str] = mapped_column(Text)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class SharedModelPersonRow(Base):
+    """A session that a shared model learned from.
+
+    Its key to the session cascades nothing: the database itself refuses to let go of a person while a model remembers
+    them.
+    """
+
+    __tablename__ = "shared_model_people"
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["study_name", "kind"], ["shared_models.study_name", "shared_models.kind"], ondelete="CASCADE"
+        ),
+    )
+
+    study_name: Mapped[str] = mapped_column(String(255), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(64), primary_key=True)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id"), primary_key=True, index=True)
+
+
+class TombstoneRow(Base):
+    """All that is left of a deleted session."""
+
+    __tablename__ = "tombstones"
+
+    session_id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    deleted_at: Mapped[datetime] = mapped_column(UtcDateTime)
 
 
 def table_of(rows: type[Base]) -> Table:

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Source(StrEnum):
+    """Where a session comes from.
+
+    JOINED is a participant of ours, REHEARSED a simulated or scripted person, IMPORTED a participant of a study that
+    another program ran.
+    """
+
+    JOINED = "joined"
+    REHEARSED = "rehearsed"
+    IMPORTED = "imported"
 
 
 @dataclass(frozen=True)
@@ -18,14 +31,14 @@ class SessionRecord:
         id: Random name of the session, a uuid4 in 32 hexadecimal digits.
         study_hash: Names the study text the session was created under.
         ordinal: The session's number within its study, from 1; seeds the session's random streams.
-        is_rehearsed: Whether a simulated or scripted person walks it.
+        source: Where it comes from.
         created_at: When it was created, aware, UTC.
     """
 
     id: str
     study_hash: str
     ordinal: int
-    is_rehearsed: bool
+    source: Source
     created_at: datetime
 
 
@@ -74,6 +87,62 @@ class PosteriorRecord:
     mean: NDArray[np.float64]
     samples: NDArray[np.float64]
     summary: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedSession:
+    """A whole session that another program ran, to be kept.
+
+    Attributes:
+        digest: SHA-256 of what it was read from, in hex; the same digest is kept once.
+        study_hash: Names the study text.
+        study_name: The study's name.
+        study_text: The study text.
+        events: The log, in order.
+        posteriors: The posteriors from which its queries were chosen.
+    """
+
+    digest: str
+    study_hash: str
+    study_name: str
+    study_text: str
+    events: tuple[NewEvent, ...]
+    posteriors: tuple[PosteriorRecord, ...]
+
+
+@dataclass(frozen=True)
+class ModelRecord:
+    """What a predictor has learned.
+
+    Attributes:
+        kind: Which predictor, such as `personal-network`.
+        key: Hash of everything the model was computed from; another key is another model.
+        content: The model, as its predictor writes it.
+        lineage: JSON: what it was computed from and by what.
+    """
+
+    kind: str
+    key: str
+    content: bytes
+    lineage: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Deletion:
+    """What deleting a session has removed.
+
+    Attributes:
+        n_answers: Answers of the person.
+        n_personal_models: Models of that person alone.
+        n_shared_models: Models that had learned from the person among others.
+        is_wiped: Whether nothing of it is left in the database's files; not so while another program reads an older
+            state of a SQLite database, nor on a server that keeps its files itself.
+    """
+
+    n_answers: int
+    n_personal_models: int
+    n_shared_models: int
+    is_wiped: bool
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,20 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.store import studies
-from app.store.errors import StoreError
-from app.store.models import SessionRow
-from app.store.records import SessionRecord
+from app.store.errors import SessionDeletedError, StoreError
+from app.store.models import SessionRow, StudyRow, TombstoneRow
+from app.store.records import SessionRecord, Source
 from app.store.utc import now
 
+_OLDEST_FIRST = (SessionRow.created_at, SessionRow.study_hash, SessionRow.ordinal)
 
-def create(rows: Session, study_hash: str, token_hash: str, is_rehearsed: bool) -> SessionRecord:
+
+def create(
+    rows: Session, study_hash: str, source: Source, token_hash: str | None, import_digest: str | None = None
+) -> SessionRecord:
     """Adds a session under the study's next number."""
     studies.text(rows, study_hash)
-    if by_token(rows, token_hash) is not None:
+    if token_hash is not None and by_token(rows, token_hash) is not None:
         raise StoreError("Expected a fresh token, got one that a session already has. Draw another.")
     newest = rows.scalar(select(func.max(SessionRow.ordinal)).where(SessionRow.study_hash == study_hash))
     row = SessionRow(
@@ -25,10 +29,12 @@ def create(rows: Session, study_hash: str, token_hash: str, is_rehearsed: bool) 
         study_hash=study_hash,
         ordinal=(newest or 0) + 1,
         token_hash=token_hash,
-        is_rehearsed=is_rehearsed,
+        source=source.value,
+        import_digest=import_digest,
         created_at=now(),
     )
     rows.add(row)
+    rows.flush()
     return _record(row)
 
 
@@ -42,20 +48,39 @@ def by_id(rows: Session, session_id: str) -> SessionRecord:
     """The session of this id."""
     row = rows.get(SessionRow, session_id)
     if row is None:
-        raise unknown(session_id)
+        raise unknown(rows, session_id)
     return _record(row)
 
 
-def unknown(session_id: str) -> StoreError:
-    """What to raise when a session doesn't exist."""
+def by_import(rows: Session, import_digest: str) -> SessionRecord | None:
+    """The session that was imported from files of that digest, if any."""
+    row = rows.scalar(select(SessionRow).where(SessionRow.import_digest == import_digest))
+    return None if row is None else _record(row)
+
+
+def unknown(rows: Session, session_id: str) -> StoreError:
+    """What to raise when a session doesn't exist, or does no more."""
+    tombstone = rows.get(TombstoneRow, session_id)
+    if tombstone is not None:
+        at = tombstone.deleted_at.isoformat(timespec="seconds")
+        return SessionDeletedError(
+            f"Session '{session_id}' was deleted at {at}. Nothing is kept for it any more."
+        )
     return StoreError(f"Expected the id of a session, got '{session_id}'. List them with Store.sessions().")
 
 
 def every(rows: Session, study_hash: str | None) -> list[SessionRecord]:
     """All sessions, or a study's, oldest first."""
-    query = select(SessionRow).order_by(SessionRow.created_at, SessionRow.study_hash, SessionRow.ordinal)
+    query = select(SessionRow).order_by(*_OLDEST_FIRST)
     if study_hash is not None:
         query = query.where(SessionRow.study_hash == study_hash)
+    return [_record(row) for row in rows.scalars(query)]
+
+
+def of_study_named(rows: Session, name: str) -> list[SessionRecord]:
+    """The sessions of every version of the study that has this name, oldest first."""
+    versions = select(StudyRow.study_hash).where(StudyRow.name == name)
+    query = select(SessionRow).where(SessionRow.study_hash.in_(versions)).order_by(*_OLDEST_FIRST)
     return [_record(row) for row in rows.scalars(query)]
 
 
@@ -64,6 +89,6 @@ def _record(row: SessionRow) -> SessionRecord:
         id=row.id,
         study_hash=row.study_hash,
         ordinal=row.ordinal,
-        is_rehearsed=row.is_rehearsed,
+        source=Source(row.source),
         created_at=row.created_at,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
+from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +90,50 @@ def check_foreign_keys(connection: Connection) -> None:
         )
 
 
+def wipe(engine: Engine) -> bool:
+    """Rewrites the file without what has been removed, and empties the write-ahead log, which still holds it.
+
+    Zeros alone (`secure_delete`) don't reach every copy that was left behind when SQLite moved rows between pages.
+
+    Returns:
+        Whether both were done; not so while another connection reads an older state.
+    """
+    connection = engine.raw_connection()
+    try:
+        connection.execute("VACUUM")
+        is_busy, _, _ = connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    except sqlite3.OperationalError as error:
+        if "locked" not in str(error) and "busy" not in str(error):
+            raise
+        return False
+    finally:
+        connection.close()
+    return not is_busy
+
+
+def back_up(path: Path, label: str) -> Path:
+    """Copies a database as it stands to a new file next to it.
+
+    Args:
+        path: The database's file.
+        label: What to call the state that is kept, in the copy's name.
+
+    Returns:
+        The copy.
+    """
+    at = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%fZ")
+    copy = path.with_name(f"{path.name}.{label}.{at}.bak")
+    with closing(sqlite3.connect(path)) as original, closing(sqlite3.connect(copy)) as target:
+        original.backup(target)
+    return copy
+
+
 def _prepare_connection(dbapi_connection: Any, _record: object) -> None:
     # None: the driver begins no transactions of its own; `_begin` does, with the right kind of lock.
     dbapi_connection.isolation_level = None
     dbapi_connection.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_MS}")
+    # What is removed, or replaced, is overwritten with zeros in the file.
+    dbapi_connection.execute("PRAGMA secure_delete = ON")
 
 
 def _prepare_durable_connection(dbapi_connection: Any, record: object) -> None:

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
-from app.store import artifacts, events, measures, posteriors, sessions, studies
+from app.store import artifacts, deletion, events, learned, measures, posteriors, sessions, studies
 from app.store.engine import Database, parse_url
 from app.store.migrate import ensure_schema, head_version
-from app.store.records import EventRecord, MeasureRecord, NewEvent, NewReport, PosteriorRecord, SessionRecord
+from app.store.records import (
+    Deletion,
+    EventRecord,
+    ImportedSession,
+    MeasureRecord,
+    ModelRecord,
+    NewEvent,
+    NewReport,
+    PosteriorRecord,
+    SessionRecord,
+    Source,
+)
 
 
 def open_store(url: str) -> Store:
@@ -74,19 +86,41 @@ class Store:
         with self._database.reading() as rows:
             return studies.text(rows, study_hash)
 
-    def create_session(self, study_hash: str, token_hash: str, is_rehearsed: bool) -> SessionRecord:
+    def study_name(self, study_hash: str) -> str:
+        """The name of the study kept under a hash."""
+        with self._database.reading() as rows:
+            return studies.name(rows, study_hash)
+
+    def create_session(self, study_hash: str, token_hash: str, source: Source) -> SessionRecord:
         """Begins a session under the next free number of its study.
 
         Args:
             study_hash: A study that was put before.
             token_hash: Hash of the person's secret token; the token itself never comes here.
-            is_rehearsed: Whether a simulated or scripted person walks it.
+            source: Who walks it: a participant or a rehearsed person.
 
         Raises:
             StoreError: When the study isn't known or the token is taken.
         """
         with self._database.writing() as rows:
-            return sessions.create(rows, study_hash, token_hash, is_rehearsed)
+            return sessions.create(rows, study_hash, source, token_hash)
+
+    def add_imported(self, imported: ImportedSession) -> SessionRecord | None:
+        """Keeps a whole session that another program ran, with its study: all of it, or nothing.
+
+        Returns:
+            The new session, or None if the same was imported before; then nothing has changed.
+        """
+        with self._database.writing() as rows:
+            if sessions.by_import(rows, imported.digest) is not None:
+                return None
+            studies.put(rows, imported.study_hash, imported.study_name, imported.study_text)
+            rows.flush()
+            record = sessions.create(rows, imported.study_hash, Source.IMPORTED, None, imported.digest)
+            events.append(rows, record.id, 0, imported.events, None)
+            for posterior in imported.posteriors:
+                posteriors.add(rows, record.id, posterior)
+            return record
 
     def session_by_token(self, token_hash: str) -> SessionRecord | None:
         """The session a token opens, or None."""
@@ -103,10 +137,37 @@ class Store:
         with self._database.reading() as rows:
             return sessions.every(rows, study_hash)
 
+    def sessions_of_study_named(self, name: str) -> list[SessionRecord]:
+        """The sessions of every version of the study that has this name, oldest first."""
+        with self._database.reading() as rows:
+            return sessions.of_study_named(rows, name)
+
+    def delete_session(self, session_id: str) -> Deletion:
+        """Removes a session for good: its log, posteriors, measures and models, and what others' models learned of it.
+
+        A tombstone stays, without content; what comes late for the session is refused.
+
+        Raises:
+            SessionDeletedError: When it was deleted before.
+        """
+        with self._database.writing() as rows:
+            deleted = deletion.delete_session(rows, session_id)
+        return replace(deleted, is_wiped=self._database.wipe())
+
     def events(self, session_id: str) -> tuple[EventRecord, ...]:
         """A session's log, ordered by position."""
         with self._database.reading() as rows:
             return events.of_session(rows, session_id)
+
+    def active_events(self, session_id: str, n_active: int) -> tuple[EventRecord, ...]:
+        """A session's log up to its first `n_active` queries and their answers; later ones aren't read."""
+        with self._database.reading() as rows:
+            return events.active_of_session(rows, session_id, n_active)
+
+    def n_answers(self, session_id: str) -> int:
+        """How many answers a session has."""
+        with self._database.reading() as rows:
+            return events.n_answers(rows, session_id)
 
     def append(
         self,
@@ -154,6 +215,44 @@ class Store:
         """The result kept under a key, or None."""
         with self._database.reading() as rows:
             return artifacts.content(rows, key)
+
+    def put_personal_model(self, session_id: str, model: ModelRecord) -> None:
+        """Keeps what was learned from a person, in the place of an earlier model of its kind.
+
+        Raises:
+            SessionDeletedError: When the person has been deleted meanwhile. Nothing was written.
+        """
+        with self._database.writing() as rows:
+            learned.put_personal(rows, session_id, model)
+
+    def personal_model(self, session_id: str, kind: str) -> ModelRecord | None:
+        """A person's model of that kind, or None."""
+        with self._database.reading() as rows:
+            return learned.personal(rows, session_id, kind)
+
+    def personal_model_key(self, session_id: str, kind: str) -> str | None:
+        """The key of a person's model of that kind, or None."""
+        with self._database.reading() as rows:
+            return learned.personal_key(rows, session_id, kind)
+
+    def put_shared_model(self, study_name: str, model: ModelRecord, session_ids: Iterable[str]) -> None:
+        """Keeps what was learned from several people, in the place of an earlier model of its kind.
+
+        Args:
+            study_name: The study whose people it is about.
+            model: What was learned.
+            session_ids: Everyone it learned from; deleting one of them removes it.
+
+        Raises:
+            SessionDeletedError: When one of them has been deleted meanwhile. Nothing was written.
+        """
+        with self._database.writing() as rows:
+            learned.put_shared(rows, study_name, model, session_ids)
+
+    def shared_model(self, study_name: str, kind: str) -> ModelRecord | None:
+        """A study's model of that kind, or None."""
+        with self._database.reading() as rows:
+            return learned.shared(rows, study_name, kind)
 
     def measures(self, session_id: str) -> tuple[MeasureRecord, ...]:
         """What browsers measured in a session, in the order it came."""

@@ -23,7 +23,16 @@ def put(rows: Session, study_hash: str, name: str, text: str) -> None:
 
 def text(rows: Session, study_hash: str) -> str:
     """The text kept under a hash."""
+    return _known(rows, study_hash).text
+
+
+def name(rows: Session, study_hash: str) -> str:
+    """The name of the study kept under a hash."""
+    return _known(rows, study_hash).name
+
+
+def _known(rows: Session, study_hash: str) -> StudyRow:
     known = rows.get(StudyRow, study_hash)
     if known is None:
         raise StoreError(f"Expected a known study, got the hash {study_hash}. Put the study first.")
-    return known.text
+    return known

@@ -55,7 +55,7 @@ def test_each_table_has_one_row_a_thing(exported: Path) -> None:
 
 
 def test_answers_keep_their_response_times_and_people_say_whether_they_finished(exported: Path) -> None:
-    real = next(row for row in rows(exported / "people.jsonl") if not row["is_rehearsed"])
+    real = next(row for row in rows(exported / "people.jsonl") if row["source"] == "joined")
     assert (real["is_finished"], real["n_answers"]) == (False, 2)
     answers = [row for row in rows(exported / "answers.jsonl") if row["person_id"] == real["person_id"]]
     assert [(row["choice"], row["response_time_ms"]) for row in answers] == [("a", 1234), ("b", 2345)]
@@ -85,7 +85,7 @@ def test_posteriors_name_what_was_inferred_and_say_whether_to_trust_it(tmp_path:
     with wiring.headless(f"sqlite:///{tmp_path / 'inferred.db'}") as runtime:
         _, record = services.join(runtime, parse_study(text))
         services.answer(runtime, record.id, 0, "a", 1234)
-        export(runtime.store, tmp_path / "out", "jsonl", "real", lambda: None)
+        export(runtime.store, tmp_path / "out", "jsonl", "joined", lambda: None)
     first, second = rows(tmp_path / "out" / "posteriors.jsonl")
     for row in (first, second):
         assert list(row["r_hat"]) == ["lane", "speed", "heading", "collision", "rationality"]  # type: ignore[call-overload]
@@ -116,7 +116,7 @@ def test_csv_holds_the_same_rows_with_a_column_a_number(
 
 def test_rehearsed_people_are_left_out_unless_asked_for(database: str, tmp_path: Path) -> None:
     with open_store(database) as store:
-        assert export(store, tmp_path / "real", "csv", "real", lambda: None) == 1
+        assert export(store, tmp_path / "joined", "csv", "joined", lambda: None) == 1
         assert export(store, tmp_path / "rehearsed", "csv", "rehearsed", lambda: None) == 2
 
 
@@ -126,8 +126,8 @@ def test_an_export_never_overwrites(database: str, exported: Path) -> None:
 
 
 def test_an_export_of_nobody_says_so(store: Store, tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="no real people"):
-        export(store, tmp_path / "out", "csv", "real", lambda: None)
+    with pytest.raises(ExportError, match="anybody who was joined"):
+        export(store, tmp_path / "out", "csv", "joined", lambda: None)
     assert not (tmp_path / "out").exists()
 
 

@@ -5,7 +5,7 @@ from datetime import timedelta
 
 import pytest
 
-from app.store import NewEvent, NewReport, PositionTakenError, StoreError
+from app.store import NewEvent, NewReport, PositionTakenError, Source, StoreError
 
 
 @pytest.fixture
@@ -32,13 +32,13 @@ def test_an_unknown_study_is_refused(store):
     with pytest.raises(StoreError, match="Expected a known study"):
         store.study_text("nothing")
     with pytest.raises(StoreError, match="Put the study first"):
-        store.create_session("nothing", "token", is_rehearsed=False)
+        store.create_session("nothing", "token", Source.JOINED)
 
 
 def test_sessions_are_numbered_from_one_within_their_study(store, study):
     store.put_study("other", "Other", "other")
     ordinals = [
-        store.create_session(of, f"token-{i}", is_rehearsed=False).ordinal
+        store.create_session(of, f"token-{i}", Source.JOINED).ordinal
         for i, of in enumerate([study, study, "other", study])
     ]
     assert ordinals == [1, 2, 1, 3]
@@ -46,24 +46,26 @@ def test_sessions_are_numbered_from_one_within_their_study(store, study):
 
 def test_sessions_begun_at_once_get_different_numbers(store, study):
     with ThreadPoolExecutor(8) as people:
-        joined = list(people.map(lambda i: store.create_session(study, f"token-{i}", False), range(40)))
+        joined = list(
+            people.map(lambda i: store.create_session(study, f"token-{i}", Source.JOINED), range(40))
+        )
     assert sorted(session.ordinal for session in joined) == list(range(1, 41))
     assert len({session.id for session in joined}) == 40
 
 
 def test_a_session_is_found_by_its_id_and_by_its_token_hash(store, study):
-    created = store.create_session(study, "token-hash", is_rehearsed=True)
+    created = store.create_session(study, "token-hash", Source.REHEARSED)
     assert store.session(created.id) == created
     assert store.session_by_token("token-hash") == created
     assert store.session_by_token("another") is None
-    assert created.is_rehearsed
+    assert created.source is Source.REHEARSED
     assert created.created_at.utcoffset() == timedelta(0)
 
 
 def test_a_token_opens_one_session_only(store, study):
-    store.create_session(study, "token-hash", is_rehearsed=False)
+    store.create_session(study, "token-hash", Source.JOINED)
     with pytest.raises(StoreError, match="fresh token") as refused:
-        store.create_session(study, "token-hash", is_rehearsed=False)
+        store.create_session(study, "token-hash", Source.JOINED)
     assert "token-hash" not in str(refused.value)
     assert len(store.sessions()) == 1
 
@@ -71,8 +73,7 @@ def test_a_token_opens_one_session_only(store, study):
 def test_sessions_are_listed_by_study_and_oldest_first(store, study):
     store.put_study("other", "Other", "other")
     created = [
-        store.create_session(of, f"token-{i}", is_rehearsed=False)
-        for i, of in enumerate([study, "other", study])
+        store.create_session(of, f"token-{i}", Source.JOINED) for i, of in enumerate([study, "other", study])
     ]
     assert store.sessions() == created
     assert store.sessions(study) == [created[0], created[2]]
@@ -93,7 +94,7 @@ def test_artifacts_put_at_once_under_one_key_end_as_one(store):
 
 
 def test_browser_measures_add_up_in_order_and_stay_out_of_the_log(store, study):
-    session_id = store.create_session(study, "token", is_rehearsed=False).id
+    session_id = store.create_session(study, "token", Source.JOINED).id
     begun = [NewEvent("session_begun")]
     store.append(session_id, 0, begun, report=NewReport(4, {"frames_per_second": 59.94, "n_replays": 2}))
     store.append(session_id, 1, begun, report=NewReport(4, {"has_focus": False}))
@@ -108,7 +109,7 @@ def test_browser_measures_add_up_in_order_and_stay_out_of_the_log(store, study):
 
 
 def test_measures_are_not_kept_where_the_answer_was_not_taken(store, study):
-    session_id = store.create_session(study, "token", is_rehearsed=False).id
+    session_id = store.create_session(study, "token", Source.JOINED).id
     with pytest.raises(PositionTakenError):
         store.append(session_id, 7, [NewEvent("session_begun")], report=NewReport(0, {"n_replays": 1}))
     assert store.measures(session_id) == ()

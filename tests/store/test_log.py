@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from app.store import NewEvent, PositionTakenError, PosteriorRecord, StoreError, open_store
+from app.store import NewEvent, PositionTakenError, PosteriorRecord, Source, StoreError, open_store
 from app.store.models import EventRow
 
 ANSWER = NewEvent("answer_given", {"query_index": 0, "choice": "a"})
@@ -20,7 +20,7 @@ PREPARED = NewEvent("query_prepared", {"query_index": 0})
 @pytest.fixture
 def session_id(store):
     store.put_study("study", "Study", "text")
-    return store.create_session("study", "token-hash", is_rehearsed=True).id
+    return store.create_session("study", "token-hash", Source.REHEARSED).id
 
 
 def test_a_new_session_has_an_empty_log(store, session_id):
@@ -65,7 +65,7 @@ def test_a_query_is_prepared_and_answered_only_once(store, session_id, event):
 
 
 def test_two_people_may_answer_the_same_query(store, session_id):
-    other = store.create_session("study", "other-token-hash", is_rehearsed=True).id
+    other = store.create_session("study", "other-token-hash", Source.REHEARSED).id
     store.append(session_id, 0, [ANSWER])
     store.append(other, 0, [ANSWER])
     assert len(store.events(other)) == 1

@@ -1,6 +1,8 @@
 """The revisions make the schema that the models describe, and data survives them."""
 
 import ast
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -11,9 +13,9 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect
 
-from app.store import StoreError, open_store
+from app.store import Source, StoreError, open_store
 from app.store.engine import parse_url
-from app.store.migrate import MIGRATIONS, migration_transaction, upgrade
+from app.store.migrate import MIGRATIONS, Upgrade, head_version, migration_transaction, upgrade
 from app.store.models import Base
 from app.store.sqlite import check_foreign_keys
 
@@ -96,3 +98,81 @@ def test_a_new_revision_is_written_without_our_column_types(database_url, monkey
     assert "UtcDateTime" not in text
     assert "app." not in text
     compile(text, "written.py", "exec")
+
+
+@pytest.fixture
+def old_url(database_url):
+    """A database of the first schema, with a participant, a rehearsed person and what they left."""
+    at = "2026-01-02 03:04:05.000000"
+    with migration_transaction(parse_url(database_url)) as connection:
+        config = Config(attributes={"connection": connection})
+        config.set_main_option("script_location", MIGRATIONS.as_posix())
+        command.upgrade(config, "0001")
+        run = connection.exec_driver_sql
+        run("INSERT INTO studies VALUES ('hash', 'mine', 'text', ?)", (at,))
+        for number, is_rehearsed in ((1, 0), (2, 1)):
+            name = f"person-{number}"
+            columns = "id, study_hash, ordinal, token_hash, is_rehearsed, created_at"
+            run(
+                f"INSERT INTO sessions ({columns}) VALUES (?, 'hash', ?, ?, ?, ?)",
+                (name, number, f"token-{number}", is_rehearsed, at),
+            )
+            run("INSERT INTO events VALUES (?, 0, 'session_begun', '{}', ?, NULL, NULL)", (name, at))
+            run(
+                "INSERT INTO browser_measures (session_id, query_index, measures, at) VALUES (?, 0, '{}', ?)",
+                (name, at),
+            )
+    return database_url
+
+
+def test_people_of_the_first_schema_keep_all_they_had_and_where_they_came_from(old_url):
+    with pytest.raises(StoreError, match="run `prefstudy migrate`, which keeps a copy"):
+        open_store(old_url)
+    done = upgrade(old_url)
+    assert (done.before, done.after) == ("0001", head_version())
+    with open_store(old_url) as store:
+        assert [record.source for record in store.sessions()] == [Source.JOINED, Source.REHEARSED]
+        assert [record.ordinal for record in store.sessions("hash")] == [1, 2]
+        assert store.session_by_token("token-2").id == "person-2"
+        assert [len(store.events(f"person-{number}")) for number in (1, 2)] == [1, 1]
+        assert store.create_session("hash", "token-3", Source.JOINED).ordinal == 3
+
+
+def test_a_person_of_the_first_schema_can_be_deleted_once_migrated(old_url):
+    upgrade(old_url)
+    with open_store(old_url) as store:
+        store.delete_session("person-1")
+        assert [record.id for record in store.sessions()] == ["person-2"]
+    with migration_transaction(parse_url(old_url)) as connection:
+        left = connection.exec_driver_sql("SELECT DISTINCT session_id FROM browser_measures").scalars().all()
+        assert left == ["person-2"]
+        check_foreign_keys(connection)
+
+
+def test_the_copy_that_a_migration_leaves_is_the_database_as_it_was(old_url):
+    done = upgrade(old_url)
+    assert done.backup.parent == Path(old_url.removeprefix("sqlite:///")).parent
+    assert done.backup.name.startswith("study.db.schema-0001.")
+    with closing(sqlite3.connect(done.backup)) as rows:
+        assert rows.execute("SELECT version_num FROM alembic_version").fetchall() == [("0001",)]
+        assert rows.execute("SELECT id, is_rehearsed FROM sessions").fetchall() == [
+            ("person-1", 0),
+            ("person-2", 1),
+        ]
+
+
+def test_a_migration_that_changes_nothing_leaves_no_copy(database_url, tmp_path):
+    assert upgrade(database_url) == Upgrade(None, head_version(), None)
+    assert upgrade(database_url) == Upgrade(head_version(), head_version(), None)
+    assert list(tmp_path.glob("*.bak")) == []
+
+
+def test_a_migration_that_fails_changes_nothing(old_url, monkeypatch):
+    def fail(connection):
+        raise StoreError("a row points to nothing")
+
+    monkeypatch.setattr("app.store.sqlite.check_foreign_keys", fail)
+    with pytest.raises(StoreError, match="points to nothing"):
+        upgrade(old_url)
+    monkeypatch.undo()
+    assert upgrade(old_url).before == "0001"

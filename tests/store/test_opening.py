@@ -111,7 +111,7 @@ def test_a_newer_schema_is_refused_with_both_versions(database_url):
 
 def test_an_older_schema_is_refused_and_the_migration_named(database_url, monkeypatch):
     open_store(database_url).close()
-    monkeypatch.setattr("app.store.migrate.head_version", lambda: "0002")
+    monkeypatch.setattr("app.store.migrate.head_version", lambda: "0003")
     assert_refused(database_url, "run `prefstudy migrate`")
 
 
@@ -174,10 +174,16 @@ def test_a_commit_is_on_the_disk_before_it_returns(store, database_url):
         connection = rows.connection()
         settings = {
             name: connection.exec_driver_sql(f"PRAGMA {name}").scalar()
-            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
+            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout", "secure_delete")
         }
     database.close()
-    assert settings == {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 30_000}
+    assert settings == {
+        "journal_mode": "wal",
+        "synchronous": 2,
+        "foreign_keys": 1,
+        "busy_timeout": 30_000,
+        "secure_delete": 1,
+    }
 
 
 def test_a_database_is_served_once(database_url):
@@ -218,7 +224,7 @@ def test_others_may_write_while_a_database_is_served(database_url):
 def test_a_served_database_is_not_migrated(database_url):
     with serve_lock(database_url), pytest.raises(StoreError, match="already served"):
         upgrade(database_url)
-    assert upgrade(database_url) == head_version()
+    assert upgrade(database_url).after == head_version()
 
 
 def test_a_database_that_another_program_keeps_locked_is_refused_in_the_end(store, database_url, monkeypatch):

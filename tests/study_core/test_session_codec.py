@@ -13,9 +13,11 @@ from hypothesis.extra.numpy import arrays
 from study_core import session_codec
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
+from study_core.queries import Imported, ProposedQuery
 from study_core.session import AnswerGiven, Phase, QueryPrepared, SessionBegun
 from tests.study_core.made_up import prepared, proposed
 
+IMPORTED = Imported("test10.jld2", "5a" * 32, 74)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 ROWS = arrays(np.float64, 4, elements=FLOATS)
 
@@ -52,7 +54,11 @@ def same(first, second):
         SessionBegun("rehearsal"),
         AnswerGiven(7, Choice.A, 0),
         *(AnswerGiven(0, choice, 86_400_000) for choice in Choice),
+        AnswerGiven(0, Choice.A, None),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
+        QueryPrepared(
+            3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", compute_ms=None
+        ),
     ],
     ids=lambda event: type(event).__name__,
 )
@@ -118,6 +124,7 @@ UNREADABLE = {
         "query_prepared",
         {**GOOD, "provenance": {key: value for key, value in GOOD["provenance"].items() if key != "score"}},
     ),
+    "an imported query from nowhere": ("query_prepared", {**GOOD, "provenance": {"file": "train1.jld2"}}),
     "a phase that never was": ("query_prepared", {**GOOD, "phase": "warm-up"}),
     "no clips": ("query_prepared", {**GOOD, "clips": None}),
 }

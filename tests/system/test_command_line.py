@@ -70,7 +70,7 @@ def test_simulated_people_are_the_same_whatever_the_database_holds(tmp_path: Pat
     people = [json.loads(line) for line in first.stdout.splitlines()]
     assert [person["participant"] for person in people] == ["rehearsal-9-1", "rehearsal-9-2"]
     with sqlite3.connect(tmp_path / "s.db") as rows:
-        assert rows.execute("select count(*), sum(is_rehearsed) from sessions").fetchone() == (4, 4)
+        assert rows.execute("select count(*), sum(source = 'rehearsed') from sessions").fetchone() == (4, 4)
 
 
 def test_simulated_people_are_written_as_one_tidy_table(tmp_path: Path) -> None:

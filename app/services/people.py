@@ -1,0 +1,87 @@
+"""What people taught, read back for learning: their active answers, and never one to a test query.
+
+Test answers can't come this way: what is asked of the store is `ActiveAnswers`, which has no method that reads one, and
+the store itself isn't imported. For the evaluation they are in `app.services.held_out`, which nothing that learns may
+import.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from app.store.records import EventRecord, PosteriorRecord, SessionRecord
+from study_core import session_codec
+from study_core.predictors.predictor import Training
+from study_core.preferences import preferences
+from study_core.queries import Participant
+from study_core.session import SessionState, reduce
+from study_core.study import Study, parse_study
+
+
+class ActiveAnswers(Protocol):
+    """The part of a `Store` that learning sees."""
+
+    def study_text(self, study_hash: str) -> str:
+        """See `Store`."""
+        ...
+
+    def active_events(self, session_id: str, n_active: int) -> tuple[EventRecord, ...]:
+        """See `Store`."""
+        ...
+
+    def n_answers(self, session_id: str) -> int:
+        """See `Store`."""
+        ...
+
+    def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
+        """See `Store`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Person:
+    """What is known of one person, as far as learning may know it.
+
+    Attributes:
+        session_id: The person's session.
+        study: The study that the session was created under.
+        participant: Names the session's random streams; None before it has begun.
+        training: What their active answers taught.
+    """
+
+    session_id: str
+    study: Study
+    participant: Participant | None
+    training: Training
+
+
+def person(answers: ActiveAnswers, record: SessionRecord) -> Person:
+    """Returns what a finished or running session taught so far."""
+    study = study_of(answers, record)
+    events = answers.active_events(record.id, study.protocol.active_queries)
+    state = reduce(study, (session_codec.from_json(event.kind, event.payload) for event in events))
+    return Person(record.id, study, state.participant, _training(answers, record, study, state))
+
+
+def people(answers: ActiveAnswers, records: Iterable[SessionRecord]) -> Mapping[str, Training]:
+    """Returns what each session taught, by session id, as `Predictor.fit` wants it."""
+    return {record.id: person(answers, record).training for record in records}
+
+
+def is_finished(answers: ActiveAnswers, record: SessionRecord) -> bool:
+    """Returns whether every query of a session is answered."""
+    return answers.n_answers(record.id) == study_of(answers, record).protocol.n_queries
+
+
+def study_of(answers: ActiveAnswers, record: SessionRecord) -> Study:
+    """Returns the study that a session was created under."""
+    return parse_study(answers.study_text(record.study_hash))
+
+
+def _training(answers: ActiveAnswers, record: SessionRecord, study: Study, state: SessionState) -> Training:
+    pairs, signs = preferences(study.domain, state.prepared, state.answers)
+    posteriors = answers.posteriors(record.id)
+    # Test answers don't inform the posterior, so the last one knows of active answers alone.
+    return Training(pairs, signs, posteriors[-1].mean if posteriors else None)
