@@ -143,15 +143,16 @@ def _gradient_of_evidence(
     posterior: Posterior,
 ) -> Float[np.ndarray, " 3"]:
     """Each entry has the derivative at a fixed mode, and what comes of the mode's moving, through its pull."""
-    mode, likelihood, covariances = posterior.mode, posterior.likelihood, posterior.covariances
+    mode, covariances = posterior.mode, posterior.covariances
+    likelihood, information = posterior.likelihood, posterior.information
     deviations = mode.personal - mode.shared
     of_weights = covariances.personal
     variances = ((signed_diffs @ of_weights) * signed_diffs).sum(axis=2)
     # How the log determinant would fall if the mode moved, carried back to whatever moves it.
     slope = Weights(
-        np.zeros_like(mode.shared), sums_over_answers(signed_diffs, variances * likelihood.third) / 2
+        np.zeros_like(mode.shared), sums_over_answers(signed_diffs, -variances * information.slope) / 2
     )
-    pull = covariances.times(slope)
+    pull = posterior.inverse_hessian.times(slope)
     of_shared = (
         precision * (mode.shared @ mode.shared + np.trace(covariances.shared))
         - mode.shared.size
@@ -165,7 +166,7 @@ def _gradient_of_evidence(
     )
     of_lapse = (
         likelihood.lapse_slope.sum()
-        + (variances * likelihood.lapse_slope_of_curvature).sum() / 2
+        - (variances * information.lapse_slope).sum() / 2
         + (pull.personal * sums_over_answers(signed_diffs, likelihood.lapse_slope_of_slope)).sum()
     )
     return np.array([of_shared, of_personal, of_lapse])

@@ -4,8 +4,11 @@ Person u answers by the utility w_u . feature difference, with lapses (`study_co
 
     w_0 ~ N(mean, precision^-1),    w_u ~ N(w_0, I / personal_precision)
 
-The negative log posterior's Hessian is an arrow: one block for each person, joined by the shared w_0 alone. So it is
-inverted person by person; the cost is linear in the number of people.
+The normal distribution is at the mode and has prior precision plus expected information for its precision. The Hessian
+won't do: a lapse bends the wrong way, and where the Hessian is close to singular the evidence would grow without bound.
+
+Both matrices are arrows: one block for each person, joined by the shared w_0 alone. So they are inverted person by
+person; the cost is linear in the number of people.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from study_core.predictors.lapsing import LogLikelihood, expected_information, log_likelihood
+from study_core.predictors.lapsing import Information, LogLikelihood, expected_information, log_likelihood
 
 _MOST_STEPS = 100
 # A step is halved until it brings this share of the rise that its slope promises, and given up at the shortest.
@@ -109,19 +112,24 @@ class Covariances:
 
 @dataclass(frozen=True)
 class Posterior:
-    """The mode, and a normal distribution of the same curvature.
+    """A normal distribution around the mode.
 
     Attributes:
         mode: Where the log posterior is highest.
         likelihood: Of every answer at the mode, shapes `(n_people, n)`.
-        covariances: Of the normal distribution.
+        information: The same answers' expected information.
+        covariances: Inverse of the expected precision.
+        inverse_hessian: Inverse of the Hessian of -log posterior, which says how the mode moves; of the expected
+            precision where the Hessian isn't definite.
         log_density: At the mode: log likelihood less that of tossing a coin, plus log prior without its normaliser.
-        has_converged: Whether this is a mode, with the curvature there; if not, climbing gave up on the way to it.
+        has_converged: Whether this is a mode; if not, climbing gave up on the way to it.
     """
 
     mode: Weights
     likelihood: LogLikelihood
+    information: Information
     covariances: Covariances
+    inverse_hessian: Covariances
     log_density: float
     has_converged: bool
 
@@ -137,7 +145,7 @@ class Posterior:
 def approximate(
     prior: Prior, signed_diffs: Float[np.ndarray, "n_people n k"], start: Weights | None = None
 ) -> Posterior:
-    """Climbs to the mode by Newton's method and takes the curvature there.
+    """Climbs to the mode by Newton's method.
 
     Args:
         prior: What is believed before.
@@ -147,36 +155,31 @@ def approximate(
     """
     point = start or Weights(prior.mean, np.tile(prior.mean, (len(signed_diffs), 1)))
     for _ in range(_MOST_STEPS):
-        here, _ = _posterior_at(prior, signed_diffs, point)
+        here = _posterior_at(prior, signed_diffs, point)
         gradient = _gradient(prior, signed_diffs, here)
-        step = here.covariances.times(gradient)
+        step = here.inverse_hessian.times(gradient)
         rise = float(gradient.shared @ step.shared + (gradient.personal * step.personal).sum())
         if rise < _SMALLEST_RISE:
-            mode, is_definite = _posterior_at(prior, signed_diffs, _moved(point, step, 1.0))
-            return replace(mode, has_converged=is_definite)
+            return _posterior_at(prior, signed_diffs, _moved(point, step, 1.0))
         size = _step_size(prior, signed_diffs, here, step, rise)
         if size < _SHORTEST_STEP:
-            return here
+            break
         point = _moved(point, step, size)
-    return _posterior_at(prior, signed_diffs, point)[0]
+    return replace(here, has_converged=False)
 
 
-def _posterior_at(
-    prior: Prior, signed_diffs: Float[np.ndarray, "n_people n k"], point: Weights
-) -> tuple[Posterior, bool]:
-    """Returns the normal distribution at a point, and whether the Hessian is definite there.
-
-    A lapse bends the wrong way, so it needn't be. Then the expected information takes its place, which always is.
-    """
+def _posterior_at(prior: Prior, signed_diffs: Float[np.ndarray, "n_people n k"], point: Weights) -> Posterior:
+    """Returns the normal distribution around a point; where the Hessian isn't definite, this is no mode."""
     z = _products(signed_diffs, point.personal)
     likelihood = log_likelihood(z, prior.lapse_logit)
+    information = expected_information(z, prior.lapse_logit)
+    covariances = _covariances(prior, signed_diffs, information.value)
     try:
-        covariances, is_definite = _covariances(prior, signed_diffs, -likelihood.curvature), True
+        inverse_hessian, is_definite = _covariances(prior, signed_diffs, -likelihood.curvature), True
     except np.linalg.LinAlgError:
-        information = expected_information(z, prior.lapse_logit)
-        covariances, is_definite = _covariances(prior, signed_diffs, information), False
+        inverse_hessian, is_definite = covariances, False
     log_density = _log_density(prior, signed_diffs, point)
-    return Posterior(point, likelihood, covariances, log_density, has_converged=False), is_definite
+    return Posterior(point, likelihood, information, covariances, inverse_hessian, log_density, is_definite)
 
 
 def _covariances(

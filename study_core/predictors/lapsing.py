@@ -2,8 +2,8 @@
 
     P(answer) = lapse / 2 + (1 - lapse) sigmoid(z),    z = utility of what was preferred - utility of the other
 
-The derivatives of log P in z and in a = logit(lapse) are short in terms of how likely it is that the answer was no
-lapse, rho = (1 - lapse) sigmoid(z) / P, because logit(rho) = log sigmoid(z) - a + log 2.
+Derivatives are in z and in a = logit(lapse). They are short in terms of how likely it is that the answer was no lapse,
+rho = (1 - lapse) sigmoid(z) / P, because logit(rho) = log sigmoid(z) - a + log 2.
 """
 
 from __future__ import annotations
@@ -25,19 +25,15 @@ class LogLikelihood:
         value: log P.
         slope: Its first derivative in z.
         curvature: Its second; positive where the answer looks like a lapse.
-        third: Its third.
         lapse_slope: Its derivative in a.
         lapse_slope_of_slope: The derivative of `slope` in a.
-        lapse_slope_of_curvature: The derivative of `curvature` in a.
     """
 
     value: Float[np.ndarray, "..."]
     slope: Float[np.ndarray, "..."]
     curvature: Float[np.ndarray, "..."]
-    third: Float[np.ndarray, "..."]
     lapse_slope: Float[np.ndarray, "..."]
     lapse_slope_of_slope: Float[np.ndarray, "..."]
-    lapse_slope_of_curvature: Float[np.ndarray, "..."]
 
 
 def log_likelihood(z: Float[np.ndarray, "..."], lapse_logit: float) -> LogLikelihood:
@@ -51,24 +47,42 @@ def log_likelihood(z: Float[np.ndarray, "..."], lapse_logit: float) -> LogLikeli
     lapsed, meant = np.log(lapse / 2), np.log1p(-lapse) + log_expit(z)
     rho, sigma, tau = expit(meant - lapsed), expit(z), expit(-z)
     slope = rho * tau
-    bend = (1 - rho) * tau - sigma
     return LogLikelihood(
         value=np.logaddexp(lapsed, meant),
         slope=slope,
-        curvature=slope * bend,
-        third=slope * (bend**2 - tau * (rho * (1 - rho) * tau + (2 - rho) * sigma)),
+        curvature=slope * ((1 - rho) * tau - sigma),
         lapse_slope=1 - rho - lapse,
         lapse_slope_of_slope=-(1 - rho) * slope,
-        lapse_slope_of_curvature=-(1 - rho) * slope * ((1 - 2 * rho) * tau - sigma),
     )
 
 
-def expected_information(z: Float[np.ndarray, "..."], lapse_logit: float) -> Float[np.ndarray, "..."]:
-    """Returns what an answer is expected to tell about z, E[slope^2] over both answers; never negative."""
-    lapse = expit(lapse_logit)
-    slope_of_p = (1 - lapse) * expit(z) * expit(-z)
-    p = lapse / 2 + (1 - lapse) * expit(z)
-    return slope_of_p**2 / (p * (1 - p))
+@dataclass(frozen=True)
+class Information:
+    """What an answer is expected to tell about z, E[slope^2] over both answers, all of the shape of z.
+
+    Attributes:
+        value: The expectation; never negative.
+        slope: Its derivative in z.
+        lapse_slope: Its derivative in a.
+    """
+
+    value: Float[np.ndarray, "..."]
+    slope: Float[np.ndarray, "..."]
+    lapse_slope: Float[np.ndarray, "..."]
+
+
+def expected_information(z: Float[np.ndarray, "..."], lapse_logit: float) -> Information:
+    """Returns the expected information of answers; the arguments are those of `log_likelihood`."""
+    lapse, sigma, tau = expit(lapse_logit), expit(z), expit(-z)
+    # Of this answer and of the opposite one.
+    rho = (1 - lapse) * sigma / (lapse / 2 + (1 - lapse) * sigma)
+    opposite_rho = (1 - lapse) * tau / (lapse / 2 + (1 - lapse) * tau)
+    value = rho * tau * opposite_rho * sigma
+    return Information(
+        value=value,
+        slope=value * (2 * (tau - sigma) - rho * tau + opposite_rho * sigma),
+        lapse_slope=value * (rho + opposite_rho - 2),
+    )
 
 
 def probability(

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from study_core.predictors.predictor import Pairs, Training
 
 Features = Callable[[Float[np.ndarray, "n n_steps n_states"]], Float[np.ndarray, "n k"]]
 
-# A feature that varies by less than this share of its size is constant up to rounding.
+# What varies by less than this share of its size is constant up to rounding.
 _ROUNDING = 1e-9
 
 
@@ -95,10 +95,9 @@ def learn_people(features: Features, people: Mapping[str, Training]) -> LinearPe
     Raises:
         TooFewAnswersError: Nobody has given an answer.
     """
-    if not any(len(training) for training in people.values()):
-        raise TooFewAnswersError("Expected an answer of at least one person, got none. Ask somebody first.")
     trainings = {name: people[name] for name in sorted(people)}
-    embedding = Embedding(features, _inverse_scales(features, trainings))
+    values = features(states_compared(list(trainings.values())))
+    embedding = Embedding(features, inverse_scales(values))
     population, beliefs = learn_population(
         [embedding.signed_diffs(training) for training in trainings.values()]
     )
@@ -109,10 +108,20 @@ def learn_people(features: Features, people: Mapping[str, Training]) -> LinearPe
     return LinearPeople(embedding, population, known)
 
 
-def _inverse_scales(features: Features, people: Mapping[str, Training]) -> Float[np.ndarray, " k"]:
-    """Returns 1 over the standard deviation of each feature over all trajectories that anybody compared."""
-    states = [side for one in people.values() for side in (one.pairs.states_a, one.pairs.states_b)]
-    values = features(np.concatenate(states))
+def states_compared(trainings: Sequence[Training]) -> Float[np.ndarray, "n n_steps n_states"]:
+    """Returns all trajectories that people have compared: every A in the order of people and answers, then every B.
+
+    Raises:
+        TooFewAnswersError: Nobody has given an answer.
+    """
+    if not any(len(training) for training in trainings):
+        raise TooFewAnswersError("Expected an answer of at least one person, got none. Ask somebody first.")
+    pairs = [training.pairs for training in trainings]
+    return np.concatenate([*(pair.states_a for pair in pairs), *(pair.states_b for pair in pairs)])
+
+
+def inverse_scales(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " k"]:
+    """Returns 1 over the standard deviation of each column; 0 for one that is constant up to rounding."""
     deviations = values.std(axis=0)
     varies = deviations > _ROUNDING * np.abs(values).max(axis=0)
     return np.divide(1.0, deviations, out=np.zeros_like(deviations), where=varies)
