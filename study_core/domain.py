@@ -26,6 +26,7 @@ class Domain(Protocol):
     Attributes:
         id: Name with a version, e.g. `driving-v1`; changed numbers are a new id, so old sessions replay.
         feature_names: Names of the hand-coded features, higher is better, length `n_features`.
+        rich_feature_names: Names of the rich features, length `n_rich`.
         network_input_names: Names of the per-step inputs of a feature network.
         control_lower: Lower bound of each control, shape `(n_controls,)`.
         control_upper: Upper bound of each control, shape `(n_controls,)`.
@@ -33,6 +34,7 @@ class Domain(Protocol):
 
     id: str
     feature_names: tuple[str, ...]
+    rich_feature_names: tuple[str, ...]
     network_input_names: tuple[str, ...]
     control_lower: Float[np.ndarray, " n_controls"]
     control_upper: Float[np.ndarray, " n_controls"]
@@ -43,6 +45,10 @@ class Domain(Protocol):
 
     def features(self, states: Float[np.ndarray, "n n_steps n_states"]) -> Float[np.ndarray, "n n_features"]:
         """Returns the hand-coded features of each trajectory, averaged over its steps (Phi)."""
+        ...
+
+    def rich_features(self, states: Float[np.ndarray, "n n_steps n_states"]) -> Float[np.ndarray, "n n_rich"]:
+        """Returns whatever of a whole trajectory people may like or mind; signs and scales are left to be learned."""
         ...
 
     def network_inputs(

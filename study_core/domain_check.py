@@ -35,11 +35,13 @@ _HEX_COLOUR = re.compile(r"#[0-9a-fA-F]{6}([0-9a-fA-F]{2})?")
 _MEMBERS = (
     "id",
     "feature_names",
+    "rich_feature_names",
     "network_input_names",
     "control_lower",
     "control_upper",
     "rollout",
     "features",
+    "rich_features",
     "network_inputs",
     "reward_and_gradient",
     "scene",
@@ -83,7 +85,7 @@ def _check_attributes(domain: object) -> Domain:
         raise DomainError(
             f"Expected an `id` that ends in a version, such as driving-v1, got {domain.id!r}. Add one."
         )
-    for attribute in ("feature_names", "network_input_names"):
+    for attribute in ("feature_names", "rich_feature_names", "network_input_names"):
         _check_names(attribute, getattr(domain, attribute))
     for attribute in ("control_lower", "control_upper"):
         _check_array(f"`{attribute}`", getattr(domain, attribute), (None,))
@@ -186,6 +188,7 @@ def _check_rollout(domain: Domain, controls: np.ndarray) -> np.ndarray:
 def _check_features(domain: Domain, states: np.ndarray) -> None:
     n_steps = states.shape[1]
     _check_batched("features", domain.features, (states,), (len(domain.feature_names),))
+    _check_batched("rich_features", domain.rich_features, (states,), (len(domain.rich_feature_names),))
     _check_batched(
         "network_inputs", domain.network_inputs, (states,), (n_steps, len(domain.network_input_names))
     )

@@ -158,6 +158,30 @@ BREACHES = {
     "a name twice": ({"network_input_names": ("x", "x", "heading", "speed")}, "`network_input_names`"),
     "a list of names": ({"feature_names": ["lane", "speed", "heading", "collision"]}, "`feature_names`"),
     "too many feature names": ({"feature_names": ("a", "b", "c", "d", "e")}, "`features`"),
+    "too many rich names": (
+        {"rich_feature_names": (*Driving.rich_feature_names, "luck")},
+        "`rich_features`",
+    ),
+    "a rich name twice": (
+        {"rich_feature_names": ("lane", *Driving.rich_feature_names[:-1])},
+        "`rich_feature_names`",
+    ),
+    "rich features of chance": (
+        {"rich_features": drifting(Driving.rich_features)},
+        "`rich_features` to be deterministic",
+    ),
+    "rich features that write": (
+        {"rich_features": writes_to_its_input(Driving.rich_features)},
+        "`rich_features` to leave its inputs alone",
+    ),
+    "rich features of mixed rows": (
+        {"rich_features": mixes_rows(Driving.rich_features)},
+        "`rich_features` to give each trajectory of a batch",
+    ),
+    "infinite rich features": (
+        {"rich_features": lambda self, s: Driving.rich_features(self, s) + np.inf},
+        "`rich_features` to be finite",
+    ),
     "too few input names": ({"network_input_names": ("x",)}, "`network_inputs`"),
     "an infinite bound": ({"control_upper": np.full(10, np.inf)}, "`control_upper`"),
     "a missing bound": ({"control_lower": np.full(10, np.nan)}, "`control_lower`"),
@@ -324,9 +348,11 @@ def test_a_breach_is_caught_and_named(breach):
     [
         "id",
         "feature_names",
+        "rich_feature_names",
         "control_upper",
         "rollout",
         "features",
+        "rich_features",
         "network_inputs",
         "reward_and_gradient",
         "scene",
@@ -351,6 +377,7 @@ def test_a_domain_with_other_sizes_and_bounds_passes():
 
         id = "crane-v12"
         feature_names = ("height",)
+        rich_feature_names = ("height", "highest")
         network_input_names = ("angle", "angle squared")
         control_lower, control_upper = np.array([-3.0, 10.0]), np.array([-1.0, 20.0])
 
@@ -361,6 +388,9 @@ def test_a_domain_with_other_sizes_and_bounds_passes():
 
         def features(self, states):
             return np.sin(states).mean(axis=1)
+
+        def rich_features(self, states):
+            return np.column_stack([self.features(states), np.sin(states).max(axis=1)])
 
         def network_inputs(self, states):
             return np.concatenate([states, states**2], axis=2)

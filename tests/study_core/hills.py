@@ -21,6 +21,7 @@ class HillsDomain:
 
     id = "hills-v1"
     feature_names = ("south-west", "east", "north")
+    rich_feature_names = (*feature_names, "x", "y")
     network_input_names = ("x",)
     control_lower = np.array([-1.0, -1.0])
     control_upper = np.array([1.0, 1.0])
@@ -34,6 +35,9 @@ class HillsDomain:
     def features(self, states):
         offsets = states[:, 0, None, :] - self.centres
         return np.exp(-(offsets**2).sum(axis=-1) / WIDTH**2)
+
+    def rich_features(self, states):
+        return np.column_stack([self.features(states), states[:, 0]])
 
     def network_inputs(self, states):
         return states[:, :, :1].copy()

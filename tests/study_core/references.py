@@ -115,6 +115,7 @@ class QuadraticDomain:
     def __init__(self, targets, scales):
         self.targets, self.scales = np.array(targets, dtype=float), np.array(scales, dtype=float)
         self.feature_names = tuple(f"closeness {k}" for k in range(len(self.targets)))
+        self.rich_feature_names = tuple(f"control {c}" for c in range(len(self.scales)))
         self.control_lower = np.full(len(self.scales), -1.0)
         self.control_upper = np.full(len(self.scales), 1.0)
 
@@ -126,6 +127,9 @@ class QuadraticDomain:
 
     def features(self, states):
         return -(self.scales * (states[:, 0, None, :] - self.targets) ** 2).sum(axis=-1)
+
+    def rich_features(self, states):
+        return states[:, 0].copy()
 
     def network_inputs(self, states):
         return states[:, :, :1].copy()
@@ -146,6 +150,7 @@ class BangBangDomain(QuadraticDomain):
 
     id = "bang-bang-v1"
     feature_names = ("forwards", "backwards")
+    rich_feature_names = ("control",)
     network_input_names = ("control",)
     control_lower = np.array([-1.0])
     control_upper = np.array([1.0])

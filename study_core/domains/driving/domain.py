@@ -21,6 +21,8 @@ Data sheet:
 | heading | [-1, 1] | sin(theta) |
 | collision | [-1, 0) | -exp(-(7 (x - x_h)^2 + 3 (y - y_h)^2)) |
 
+The rich features, these four among them, have a sheet of their own in `rich_features`.
+
 Start: robot [0, -0.3, pi/2, 0.4]; the human car starts right and changes to the middle lane, in every drive alike.
 Horizon: 50 steps of 0.1 s; the recorded states are those after each step. Version history: v1, as published.
 """
@@ -30,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from study_core.domains.driving import features, kernels
+from study_core.domains.driving import features, kernels, rich_features
 from study_core.domains.driving.cars import HUMAN_CAR, ROBOT_CAR
 from study_core.domains.driving.dynamics import DT_S, HUMAN_PATH, N_BLOCKS, ROBOT_START, simulate
 from study_core.domains.driving.ground import BACKGROUND, ground
@@ -42,6 +44,7 @@ class Driving:
 
     id = "driving-v1"
     feature_names = features.FEATURE_NAMES
+    rich_feature_names = rich_features.RICH_FEATURE_NAMES
     network_input_names = features.NETWORK_INPUT_NAMES
     control_lower = np.full(2 * N_BLOCKS, -1.0)
     control_upper = np.full(2 * N_BLOCKS, 1.0)
@@ -53,6 +56,10 @@ class Driving:
     def features(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 4"]:
         """Returns lane, speed, heading and collision."""
         return features.features(states)
+
+    def rich_features(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 54"]:
+        """Returns 54 features of a whole drive."""
+        return rich_features.rich_features(states)
 
     def network_inputs(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 50 4"]:
         """Returns [x, d, theta, v] at each step."""

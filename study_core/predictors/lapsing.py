@@ -1,0 +1,102 @@
+"""Answers of somebody who prefers by utility, and at times presses either button whatever is shown.
+
+    P(answer) = lapse / 2 + (1 - lapse) sigmoid(z),    z = utility of what was preferred - utility of the other
+
+Derivatives are in z and in a = logit(lapse). They are short in terms of how likely it is that the answer was no lapse,
+rho = (1 - lapse) sigmoid(z) / P, because logit(rho) = log sigmoid(z) - a + log 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import expit, log_expit
+
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(32)
+
+
+@dataclass(frozen=True)
+class LogLikelihood:
+    """log P of each answer, and its derivatives, all of the shape of z.
+
+    Attributes:
+        value: log P.
+        slope: Its first derivative in z.
+        curvature: Its second; positive where the answer looks like a lapse.
+        lapse_slope: Its derivative in a.
+        lapse_slope_of_slope: The derivative of `slope` in a.
+    """
+
+    value: Float[np.ndarray, "..."]
+    slope: Float[np.ndarray, "..."]
+    curvature: Float[np.ndarray, "..."]
+    lapse_slope: Float[np.ndarray, "..."]
+    lapse_slope_of_slope: Float[np.ndarray, "..."]
+
+
+def log_likelihood(z: Float[np.ndarray, "..."], lapse_logit: float) -> LogLikelihood:
+    """Returns the log likelihood of answers.
+
+    Args:
+        z: By how much the utility of what was preferred exceeds that of the other, any shape.
+        lapse_logit: a, the logit of the lapse rate.
+    """
+    lapse = expit(lapse_logit)
+    lapsed, meant = np.log(lapse / 2), np.log1p(-lapse) + log_expit(z)
+    rho, sigma, tau = expit(meant - lapsed), expit(z), expit(-z)
+    slope = rho * tau
+    return LogLikelihood(
+        value=np.logaddexp(lapsed, meant),
+        slope=slope,
+        curvature=slope * ((1 - rho) * tau - sigma),
+        lapse_slope=1 - rho - lapse,
+        lapse_slope_of_slope=-(1 - rho) * slope,
+    )
+
+
+@dataclass(frozen=True)
+class Information:
+    """What an answer is expected to tell about z, E[slope^2] over both answers, all of the shape of z.
+
+    Attributes:
+        value: The expectation; never negative.
+        slope: Its derivative in z.
+        lapse_slope: Its derivative in a.
+    """
+
+    value: Float[np.ndarray, "..."]
+    slope: Float[np.ndarray, "..."]
+    lapse_slope: Float[np.ndarray, "..."]
+
+
+def expected_information(z: Float[np.ndarray, "..."], lapse_logit: float) -> Information:
+    """Returns the expected information of answers; the arguments are those of `log_likelihood`."""
+    lapse, sigma, tau = expit(lapse_logit), expit(z), expit(-z)
+    # Of this answer and of the opposite one.
+    rho = (1 - lapse) * sigma / (lapse / 2 + (1 - lapse) * sigma)
+    opposite_rho = (1 - lapse) * tau / (lapse / 2 + (1 - lapse) * tau)
+    value = rho * tau * opposite_rho * sigma
+    return Information(
+        value=value,
+        slope=value * (2 * (tau - sigma) - rho * tau + opposite_rho * sigma),
+        lapse_slope=value * (rho + opposite_rho - 2),
+    )
+
+
+def probability(
+    means: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"], lapse_logit: float
+) -> Float[np.ndarray, " n"]:
+    """Returns how likely A is preferred when all that is known of A's advantage in utility is a normal distribution.
+
+    The integral is Gauss-Hermite quadrature with 32 nodes.
+
+    Args:
+        means: Of each pair's advantage, shape `(n,)`.
+        variances: Of each pair's advantage, shape `(n,)`.
+        lapse_logit: a, the logit of the lapse rate.
+    """
+    lapse = expit(lapse_logit)
+    z = means[:, None] + np.sqrt(variances)[:, None] * _NODES
+    return lapse / 2 + (1 - lapse) * (expit(z) @ _WEIGHTS) / _WEIGHTS.sum()
