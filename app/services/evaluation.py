@@ -1,0 +1,107 @@
+"""Who is evaluated: everyone who has finished, with their active answers and their answers to test queries."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from app.errors import AppError
+from app.services.held_out import held_out
+from app.services.people import Person as Learner
+from app.services.people import is_finished, person
+from app.store import Source, Store
+from study_core.domain import Domain
+from study_core.evaluation.people import Person
+from study_core.study import Study, parse_study
+
+FEWEST_ANSWERS = 10
+"""Active answers that a person needs to be evaluated: with fewer, no network can be trained and validated."""
+
+
+class NobodyToEvaluateError(AppError):
+    """There are no people whose predictions could be scored."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The people of an evaluation.
+
+    Attributes:
+        domain: Whose trajectories they compared.
+        studies: What they took part in, by hash.
+        people: Those who have finished, in the order of their names.
+        posterior_samples: The last that were stored, by person; not of those who have none.
+        left_out: Why somebody isn't among them, one sentence each.
+    """
+
+    domain: Domain
+    studies: dict[str, Study]
+    people: list[Person]
+    posterior_samples: dict[str, Float[np.ndarray, "n_samples n_features"]]
+    left_out: list[str]
+
+
+def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated:
+    """Returns everyone who has finished, rehearsed people apart.
+
+    Args:
+        store: Where the answers are.
+        study_name: Only people of studies of this name; everyone unless told.
+
+    Raises:
+        NobodyToEvaluateError: Nobody has finished, or people compared trajectories of different domains.
+    """
+    records = store.sessions() if study_name is None else store.sessions_of_study_named(study_name)
+    finished = [
+        record for record in records if record.source is not Source.REHEARSED and is_finished(store, record)
+    ]
+    studies = {record.study_hash: parse_study(store.study_text(record.study_hash)) for record in finished}
+    domains = {study.domain.id: study.domain for study in studies.values()}
+    if len(domains) > 1:
+        raise NobodyToEvaluateError(
+            f"Expected people of one domain, got {' and '.join(sorted(domains))}. Name one --study."
+        )
+    known = [person(store, record) for record in finished]
+    people, samples, left_out = [], {}, []
+    for record, name, one in zip(finished, _names(known), known, strict=True):
+        found = Person(name, one.training, held_out(store, record))
+        reason = _unfit(found)
+        if reason:
+            left_out.append(reason)
+            continue
+        people.append(found)
+        posteriors = store.posteriors(record.id)
+        if posteriors:
+            samples[name] = posteriors[-1].samples
+    if not people:
+        raise NobodyToEvaluateError(
+            " ".join(["Nobody here can be evaluated.", *left_out, "Import or finish some sessions first."])
+        )
+    people.sort(key=_in_order)
+    return Evaluated(next(iter(domains.values())), studies, people, samples, left_out)
+
+
+def _names(known: Sequence[Learner]) -> Iterator[str]:
+    """Gives each person's number in their study, with the study's name where two have the same."""
+    counts = Counter(str(one.participant) for one in known)
+    for one in known:
+        number = str(one.participant)
+        yield number if counts[number] == 1 else f"{one.study.name}-{number}"
+
+
+def _in_order(one: Person) -> tuple[int, str]:
+    return (int(one.name), "") if one.name.isdecimal() else (0, one.name)
+
+
+def _unfit(one: Person) -> str:
+    """Returns why somebody can't be evaluated; empty if they can."""
+    if len(one.training) < FEWEST_ANSWERS:
+        n = len(one.training)
+        return f"Person {one.name} has {n} active answers that prefer a side; {FEWEST_ANSWERS} are needed."
+    if len(one.test) == 0:
+        return f"Person {one.name} has no answer to a common test query that prefers a side."
+    return ""
