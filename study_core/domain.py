@@ -26,12 +26,8 @@ class Domain(Protocol):
     Attributes:
         id: Name with a version, e.g. `driving-v1`; changed numbers are a new id, so old sessions replay.
         feature_names: Names of the hand-coded features, higher is better, length `n_features`.
-<<<<<<< HEAD
         rich_feature_names: Names of the rich features, length `n_rich`.
-        network_input_names: Names of the per-step inputs of a feature network.
-=======
         network_input_names: Names of all per-step inputs that a feature network may have; its configuration chooses.
->>>>>>> 7a6e03b4ea19e90fd7e7b7b52accf13475fe6d96
         control_lower: Lower bound of each control, shape `(n_controls,)`.
         control_upper: Upper bound of each control, shape `(n_controls,)`.
     """

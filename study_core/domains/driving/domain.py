@@ -21,9 +21,8 @@ Data sheet:
 | heading | [-1, 1] | sin(theta) |
 | collision | [-1, 0) | -exp(-(7 (x - x_h)^2 + 3 (y - y_h)^2)) |
 
-<<<<<<< HEAD
 The rich features, these four among them, have a sheet of their own in `rich_features`.
-=======
+
 | network input | range | meaning, at each step |
 | --- | --- | --- |
 | x, heading, speed | | of the state |
@@ -31,7 +30,6 @@ The rich features, these four among them, have a sheet of their own in `rich_fea
 | time_gap | [-5, 5] s | (y - y_h) / (v - v_h), made safe where the speeds are equal; above 0 the cars part, below 0 they approach |
 
 The first four are the paper's; it tried the fifth as well.
->>>>>>> 7a6e03b4ea19e90fd7e7b7b52accf13475fe6d96
 
 Start: robot [0, -0.3, pi/2, 0.4]; the human car starts right and changes to the middle lane, in every drive alike.
 Horizon: 50 steps of 0.1 s; the recorded states are those after each step. Version history: v1, as published;
@@ -68,17 +66,12 @@ class Driving:
         """Returns lane, speed, heading and collision."""
         return features.features(states)
 
-<<<<<<< HEAD
     def rich_features(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 54"]:
         """Returns 54 features of a whole drive."""
         return rich_features.rich_features(states)
 
-    def network_inputs(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 50 4"]:
-        """Returns [x, d, theta, v] at each step."""
-=======
     def network_inputs(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 50 5"]:
         """Returns [x, d, theta, v, time gap] at each step."""
->>>>>>> 7a6e03b4ea19e90fd7e7b7b52accf13475fe6d96
         return features.network_inputs(states)
 
     def reward_and_gradient(
