@@ -23,6 +23,9 @@ from study_core.study import Study, parse_study
 STUDY_NAME = "katz2021-published"
 """Of the study that imported people belong to."""
 
+PARTICIPANT_PREFIX = "published-"
+"""What names their random streams, before the person's number in the paper's data."""
+
 # Stored differences of features come back to 1e-12; what differs by more belongs to other drives.
 _TOLERANCE = 1e-9
 
@@ -81,7 +84,7 @@ def read_session(train_path: Path, test_path: Path, protocol: Study, code_versio
     study = _study_of(person, protocol)
     active = _queries(train_file, person.training, person.training_states)
     test = _queries(test_file, person.test, person.test_states)
-    events: list[Event] = [SessionBegun(f"published-{person.number}")]
+    events: list[Event] = [SessionBegun(f"{PARTICIPANT_PREFIX}{person.number}")]
     for index, (proposed, choice) in enumerate((*active, *test)):
         phase = Phase.ACTIVE if index < len(active) else Phase.TEST
         events.append(QueryPrepared(index, phase, proposed, {}, code_version, None))

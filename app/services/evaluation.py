@@ -16,6 +16,7 @@ from app.services.people import is_finished, person
 from app.store import Source, Store
 from study_core.domain import Domain
 from study_core.evaluation.people import Person
+from study_core.published_session import PARTICIPANT_PREFIX
 from study_core.study import Study, parse_study
 
 FEWEST_ANSWERS = 10
@@ -87,9 +88,9 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
 
 def _names(known: Sequence[Learner]) -> Iterator[str]:
     """Gives each person's number in their study, with the study's name where two have the same."""
-    counts = Counter(str(one.participant) for one in known)
-    for one in known:
-        number = str(one.participant)
+    numbers = [str(one.participant).removeprefix(PARTICIPANT_PREFIX) for one in known]
+    counts = Counter(numbers)
+    for one, number in zip(known, numbers, strict=True):
         yield number if counts[number] == 1 else f"{one.study.name}-{number}"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -11,10 +10,8 @@ from jaxtyping import Float, Int
 from study_core import lbfgs
 from study_core.distinctness import visible_difference, visible_paths
 from study_core.domain import Domain
+from study_core.evaluation.learned import RewardFn
 from study_core.streams import stream
-
-RewardFn = Callable[[Float[np.ndarray, "n n_steps n_states"]], Float[np.ndarray, " n"]]
-"""The reward of whole trajectories."""
 
 N_CANDIDATES = 10_000
 _N_STARTS = 10

@@ -111,6 +111,16 @@ class Networks:
             linear_weights,
         )
 
+    def step_features(
+        self, inputs: Float[np.ndarray, "n n_inputs"]
+    ) -> Float32[np.ndarray, "n_networks n n_features"]:
+        """Returns each network's learned features of single steps."""
+        hidden = np.einsum("mhi,ni->mnh", self.hidden_weights, inputs.astype(np.float32))
+        hidden += self.hidden_biases[:, None]
+        np.maximum(hidden, 0.0, out=hidden)
+        outputs = np.einsum("mfh,mnh->mnf", self.output_weights, hidden) + self.output_biases[:, None]
+        return np.asarray(np.tanh(outputs))
+
     def feature_diffs(self, pairs: Examples) -> Float[np.ndarray, "n_networks n n_features"]:
         """Returns each network's learned features of A less those of B, summed over the steps."""
         inputs, n_steps = pairs.packed_inputs, pairs.inputs_a.shape[1]

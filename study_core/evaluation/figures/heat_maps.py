@@ -9,8 +9,8 @@ from matplotlib.patches import Rectangle
 
 from study_core.domain import Domain
 from study_core.domains.driving.safety import CAR_LENGTH, CAR_WIDTH
-from study_core.evaluation.figures.learned_feature import FeatureFn
 from study_core.evaluation.figures.style import INK, VERMILION, new_figure
+from study_core.evaluation.learned import FeatureFn
 
 # Steps at which the other car is looked at, spread over its drive.
 MOMENTS = (4, 14, 24, 34, 44)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +20,7 @@ from study_core.evaluation.figures.style import (
     finish,
     new_figure,
 )
-
-FeatureFn = Callable[[Float[np.ndarray, "n n_inputs"]], Float[np.ndarray, " n"]]
-"""A learned feature: takes the inputs of single steps, gives the feature of each."""
+from study_core.evaluation.learned import FeatureFn
 
 HEADINGS_DEG = np.linspace(0.0, 360.0, 181)
 SPEEDS = np.linspace(-1.0, 1.0, 101)
