@@ -256,6 +256,74 @@ def train(
 
 
 @cli.command()
+def evaluate(
+    study: Annotated[
+        str | None,
+        typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
+    ] = None,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+) -> None:
+    """Compare predictors of people's answers: fitted to active answers, scored on the common test answers."""
+    from rich.table import Table
+
+    from app.report import findings, table
+    from app.services.evaluation import people_to_evaluate
+    from app.store import open_store
+
+    log.configure("WARNING")
+    with open_store(database) as store:
+        evaluated = people_to_evaluate(store, study)
+    _warn(evaluated.left_out)
+    with _progress() as progress:
+        shown = progress.add_task("predictors", total=findings.n_fits())
+        comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
+    result = table.as_json(seed, evaluated, comparison, findings.test_h1(evaluated, comparison))
+    if json_:
+        print(json.dumps(result))
+        return
+    printed = Table(*table.columns())
+    for name, *values in table.rows(result):
+        printed.add_row(
+            name, *(f"{value:.3f}" for value in values), style="bold" if name == result["recommended"] else ""
+        )
+    Console().print(printed)
+    print(f"Recommended from active answers alone: {result['recommended']}")
+
+
+@cli.command()
+def report(
+    out: Annotated[Path, typer.Argument(help="A new file, such as report.html.")],
+    study: Annotated[
+        str | None,
+        typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
+    ] = None,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    seed: SeedOption = 0,
+) -> None:
+    """Write what was learned from people as one web page: predictors compared, the paper's figures, the method."""
+    from app.report import findings
+    from app.report.report import new_file, write
+    from app.services.evaluation import people_to_evaluate
+    from app.store import open_store
+
+    log.configure("WARNING")
+    with open_store(database) as store:
+        evaluated = people_to_evaluate(store, study)
+    _warn(evaluated.left_out)
+    with new_file(out) as file, _progress() as progress:
+        shown = progress.add_task("report", total=findings.n_steps(len(evaluated.people)))
+        file.write(write(findings.find(seed, evaluated, n_cores(), lambda: progress.advance(shown))))
+    console.print(f"Wrote {out}.")
+
+
+def _warn(left_out: list[str]) -> None:
+    for reason in left_out:
+        console.print(f"[yellow]Left out:[/] {reason}", highlight=False, soft_wrap=True)
+
+
+@cli.command()
 def delete(
     person_id: Annotated[str, typer.Argument(help="The person's id, as `export` writes it.")],
     database: DatabaseOption = DEFAULT_DATABASE,

@@ -69,13 +69,12 @@ class PersonModel(Protocol):
 
 @runtime_checkable
 class Fitted(Protocol):
-    """A predictor that has learned from some people.
+    """A predictor that has learned from some people."""
 
-    Attributes:
-        people: What it knows about each of them, by the names they were given.
-    """
-
-    people: Mapping[str, PersonModel]
+    @property
+    def people(self) -> Mapping[str, PersonModel]:
+        """Returns what it knows about each of them, by the names they were given."""
+        ...
 
     def with_person(self, seed: int, training: Training) -> PersonModel:
         """Returns what it knows about somebody who was not among them, from few answers of their own or none."""
@@ -84,13 +83,12 @@ class Fitted(Protocol):
 
 @runtime_checkable
 class Predictor(Protocol):
-    """A way to predict answers.
+    """A way to predict answers."""
 
-    Attributes:
-        name: As it is reported.
-    """
-
-    name: str
+    @property
+    def name(self) -> str:
+        """Returns what it is called in reports."""
+        ...
 
     def fit(self, seed: int, domain: Domain, people: Mapping[str, Training]) -> Fitted:
         """Learns from everyone's active answers.

@@ -1,0 +1,206 @@
+"""Everything that a report says, as numbers; `find` computes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from app.services.evaluation import Evaluated
+from app.settings import find_study
+from study_core.comparison import ComparisonSet, Query
+from study_core.domain import Domain
+from study_core.evaluation.best_drives import best_of, draw_candidates, optimise
+from study_core.evaluation.comparison import Comparison, compare
+from study_core.evaluation.hypotheses import PairedTest, paired_test
+from study_core.evaluation.learned import RewardFn, learned_reward
+from study_core.evaluation.learning_curve import Curve, learning_curve, majority_accuracy
+from study_core.evaluation.people import Person
+from study_core.evaluation.scores import score
+from study_core.networks.config import NetworkConfig
+from study_core.predictors.hand_coded import HandCodedCalibrated, HandCodedStored, MeanModel
+from study_core.predictors.hierarchical import Hierarchical
+from study_core.predictors.personal_network import NetworkModel, PersonalNetwork
+from study_core.predictors.predictor import Predictor
+from study_core.predictors.registry import all_predictors
+from study_core.predictors.shared_network import SharedNetwork
+from study_core.queries import infer_posterior, propose_active_query
+
+STORED, NETWORK = HandCodedStored.name, PersonalNetwork.name
+REWARDS = {STORED: "hand-coded features", NETWORK: "with a learned feature"}
+SEARCHES = ("best of 10,000 candidates", "found by the optimiser")
+QUERY_METHODS = ("information-gain", "heuristic", "information-gain-realistic")
+_QUERY_STUDY, _ANSWERS_BEFORE_QUERY = "quickstart", 10
+
+Drives = dict[tuple[str, str], dict[str, Float[np.ndarray, " n_controls"]]]
+"""The best drive by what is rewarded and how it was looked for, then by person."""
+
+OnStep = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a report is written from.
+
+    Attributes:
+        seed: Of everything random.
+        evaluated: The people.
+        comparison: All predictors.
+        trials: Of the personal network: accuracy of each selected trial, by person.
+        h1: Whether the personal network predicts better than what the study stored; None for a single person.
+        majority: How often each person answers as most others did; nobody who saw other queries.
+        curves: Scores by number of own answers, of predictors for somebody new; empty for a single person.
+        wide_network: The first person's network with every input that the domain has.
+        drives: Everybody's best drives.
+        queries: What the first person would be asked next, by method.
+    """
+
+    seed: int
+    evaluated: Evaluated
+    comparison: Comparison
+    trials: dict[str, list[float]]
+    h1: PairedTest | None
+    majority: Mapping[str, float]
+    curves: dict[str, Curve]
+    wide_network: NetworkModel
+    drives: Drives
+    queries: dict[str, Query]
+
+    @property
+    def domain(self) -> Domain:
+        """Returns whose trajectories were compared."""
+        return self.evaluated.domain
+
+    @property
+    def people(self) -> list[Person]:
+        """Returns the people."""
+        return self.evaluated.people
+
+
+def n_fits() -> int:
+    """Returns how often `compare_all` tells that it has done something."""
+    return 2 * len(all_predictors(n_threads=1))
+
+
+def n_steps(n_people: int) -> int:
+    """Returns how often `find` does."""
+    n_curves = len(_newcomers()) * n_people if n_people > 1 else 0
+    return n_fits() + n_curves + len(REWARDS) * len(SEARCHES) * n_people + 2
+
+
+def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Findings:
+    """Computes everything, in some minutes.
+
+    Args:
+        seed: Names every random stream.
+        evaluated: The people.
+        n_threads: Threads that train a person's networks; the result doesn't depend on it.
+        on_step: Called after each of `n_steps`.
+    """
+    comparison = compare_all(seed, evaluated, n_threads, on_step)
+    domain, first = evaluated.domain, evaluated.people[0]
+    curves = {}
+    if len(evaluated.people) > 1:
+        for predictor in _newcomers():
+            curves[predictor.name] = learning_curve(
+                seed, domain, evaluated.people, predictor, on_person=on_step
+            )
+    wide = PersonalNetwork(NetworkConfig(inputs=domain.network_input_names), n_threads)
+    wide_network = wide.fit(seed, domain, {first.name: first.training}).people[first.name]
+    assert isinstance(wide_network, NetworkModel), "whoever is evaluated has answered enough for a network"
+    on_step()
+    queries = _next_queries(domain, first)
+    on_step()
+    return Findings(
+        seed,
+        evaluated,
+        comparison,
+        trial_accuracies(evaluated, comparison),
+        test_h1(evaluated, comparison),
+        majority_accuracy(evaluated.people),
+        curves,
+        wide_network,
+        _best_drives(seed, evaluated, comparison, on_step),
+        queries,
+    )
+
+
+def compare_all(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Comparison:
+    """Compares every predictor on the people of an evaluation."""
+    return compare(seed, evaluated.domain, evaluated.people, all_predictors(n_threads), on_step)
+
+
+def networks_of(comparison: Comparison) -> dict[str, NetworkModel]:
+    """Returns everybody's personal network."""
+    models = comparison.fitted[NETWORK].people
+    return {name: model for name, model in models.items() if isinstance(model, NetworkModel)}
+
+
+def trial_accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, list[float]]:
+    """Returns the accuracy of each selected trial of everybody's network: what the paper's bars are made of."""
+    networks = networks_of(comparison)
+    return {
+        person.name: [
+            score(probabilities, person.test.signs).accuracy
+            for probabilities in networks[person.name].members_probability_of_a(person.test.pairs)
+        ]
+        for person in evaluated.people
+    }
+
+
+def test_h1(evaluated: Evaluated, comparison: Comparison) -> PairedTest | None:
+    """Tests H1 with the paper's accuracies; None for a single person."""
+    if len(evaluated.people) < 2:
+        return None
+    means = {name: float(np.mean(trials)) for name, trials in trial_accuracies(evaluated, comparison).items()}
+    stored = {name: one.accuracy for name, one in comparison.scores[STORED].items()}
+    return paired_test(means, stored)
+
+
+def _newcomers() -> tuple[Predictor, ...]:
+    """Returns the predictors that can say something about somebody new; the last knows nobody else."""
+    return Hierarchical(), SharedNetwork(), HandCodedCalibrated()
+
+
+def _best_drives(seed: int, evaluated: Evaluated, comparison: Comparison, on_step: OnStep) -> Drives:
+    domain = evaluated.domain
+    candidates, networks = draw_candidates(seed, domain), networks_of(comparison)
+    drives: Drives = {}
+    for search, look_for in zip(SEARCHES, (best_of, optimise), strict=True):
+        for reward in (STORED, NETWORK):
+            found = {}
+            for person in evaluated.people:
+                rewarded = (
+                    _stored_reward(domain, comparison, person.name)
+                    if reward == STORED
+                    else learned_reward(networks[person.name])
+                )
+                found[person.name] = look_for(domain, candidates, rewarded)
+                on_step()
+            drives[reward, search] = found
+    return drives
+
+
+def _stored_reward(domain: Domain, comparison: Comparison, name: str) -> RewardFn:
+    model = comparison.fitted[STORED].people[name]
+    assert isinstance(model, MeanModel), "what a study stored is a mean of w"
+    weights = model.weights
+    return lambda states: domain.features(states) @ weights
+
+
+def _next_queries(domain: Domain, person: Person) -> dict[str, Query]:
+    """Returns what each method would ask somebody after their first answers; nothing in another domain."""
+    base = find_study(_QUERY_STUDY)
+    if base.domain.id != domain.id:
+        return {}
+    known = person.training.first(_ANSWERS_BEFORE_QUERY)
+    diffs = domain.features(known.pairs.states_a) - domain.features(known.pairs.states_b)
+    queries = {}
+    for method in QUERY_METHODS:
+        section = base.file.acquisition.model_copy(update={"method": method})
+        study = replace(base, file=base.file.model_copy(update={"acquisition": section}))
+        posterior = infer_posterior(study, "report", len(known), ComparisonSet(diffs, known.signs))
+        queries[method] = propose_active_query(study, "report", len(known), posterior).query
+    return queries
