@@ -17,6 +17,7 @@ from app.settings import STATIC
 from study_core.evaluation.figures.style import PERSON_PREFIX
 
 _FOLDER = STATIC / "report"
+_PIXELS_PER_INCH = 106
 
 # Text stays text: it can be searched, read aloud and selected. One salt for all ids: equal reports are equal bytes.
 _SVG_SETTINGS: dict[Any, Any] = {
@@ -120,8 +121,10 @@ def svg(name: str, figure: Figure) -> str:
     # matplotlib names its own parts anew in each file: figure_1, axes_1, m1234abcd, ...
     element = re.sub(r'(?<!-)id="', f'id="{name}--', element)
     element = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}--", element)
-    # As wide as the page, not as the file says.
-    return re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", element, count=1)
+    # Its text as large as the page's, or smaller where the page is narrow.
+    width = figure.get_figwidth() * _PIXELS_PER_INCH
+    style = f'style="max-width: {width:.0f}px"'
+    return re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', rf"<svg \1{style}", element, count=1)
 
 
 def _number(value: Any) -> str:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from study_core.domain import Domain
-from study_core.evaluation.figures.road import draw_drive, draw_other, draw_road, extent
+from study_core.evaluation.figures.road import draw_drive, draw_other, draw_road, view_of
 from study_core.evaluation.figures.style import BLUE, belongs_to, new_figure
 
 
@@ -21,13 +21,11 @@ def draw(domain: Domain, drives: Mapping[str, Mapping[str, Float[np.ndarray, " n
         drives: Controls by way, then by person.
     """
     every = np.stack([controls for of_people in drives.values() for controls in of_people.values()])
-    along, across = extent(domain, every)
-    height = 4.6 * 2.0 * across / (along[1] - along[0]) + 0.45
-    n_rows = -(-len(drives) // 2)
-    figure = new_figure(9.5, n_rows * height)
+    view, n_rows = view_of(domain, every), -(-len(drives) // 2)
+    figure = new_figure(9.5, n_rows * view.height(4.6))
     panels = figure.subplots(n_rows, 2, squeeze=False).ravel()
     for axes, (way, of_people) in zip(panels, drives.items(), strict=False):
-        draw_road(axes, way, along, across)
+        draw_road(axes, way, view)
         draw_other(axes, domain, every[0])
         for person, controls in of_people.items():
             line = draw_drive(axes, domain, controls, BLUE)

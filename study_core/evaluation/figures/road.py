@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -16,23 +18,44 @@ _STEPS_PER_MARK = 5
 _ROAD_GREY = "#F1F1F1"
 
 
-def draw_road(axes: Axes, title: str, along: tuple[float, float], across: float) -> None:
-    """Prepares axes for drives from left to right, both directions to the same scale.
+@dataclass(frozen=True)
+class View:
+    """What is seen of the road.
 
-    Args:
-        axes: Where.
-        title: What is seen.
+    Attributes:
         along: Ends of the stretch of road.
-        across: How far to both sides of the middle.
+        across: How far it is seen to the left, negative, and to the right.
     """
+
+    along: tuple[float, float]
+    across: tuple[float, float]
+
+    def height(self, width: float) -> float:
+        """Returns how high a panel of this width is, its title included; in inches."""
+        shape = (self.across[1] - self.across[0]) / (self.along[1] - self.along[0])
+        return width * shape + 0.4
+
+
+def view_of(domain: Domain, controls: Float[np.ndarray, "n n_controls"]) -> View:
+    """Returns a view that holds all drives, and the road itself."""
+    paths = np.concatenate([track.positions for row in controls for track in domain.scene(row).tracks])
+    x, y = paths[:, 0], paths[:, 1]
+    return View(
+        (float(y.min()) - 0.2, float(y.max()) + 0.4),
+        (min(float(x.min()), -ROAD_EDGE) - 0.1, max(float(x.max()), ROAD_EDGE) + 0.1),
+    )
+
+
+def draw_road(axes: Axes, title: str, view: View) -> None:
+    """Prepares axes for drives from left to right, both directions to the same scale."""
     axes.axhspan(-ROAD_EDGE, ROAD_EDGE, color=_ROAD_GREY, linewidth=0)
     for edge in (-ROAD_EDGE, ROAD_EDGE):
         axes.axhline(edge, color=INK, linewidth=1)
     for line in (-0.5 * LANE_WIDTH, 0.5 * LANE_WIDTH):
         axes.axhline(line, color=GREY, linewidth=0.8, linestyle=(0, (6, 6)))
-    axes.set_xlim(*along)
+    axes.set_xlim(*view.along)
     # Right of the driver is down: the road runs to the right.
-    axes.set_ylim(across, -across)
+    axes.set_ylim(*view.across[::-1])
     axes.set_aspect("equal")
     finish(axes, title, "")
     axes.set_xticks([])
@@ -72,10 +95,3 @@ def draw_other(axes: Axes, domain: Domain, controls: Float[np.ndarray, " n_contr
     )
     end = (path[-1, 1], path[-1, 0])
     axes.annotate("the other car", end, (4, -2), textcoords="offset points", color=GREY, fontsize=7)
-
-
-def extent(domain: Domain, controls: Float[np.ndarray, "n n_controls"]) -> tuple[tuple[float, float], float]:
-    """Returns the stretch of road, and how far to its sides, that holds all drives and the road itself."""
-    paths = np.concatenate([track.positions for row in controls for track in domain.scene(row).tracks])
-    along = (float(paths[:, 1].min()) - 0.2, float(paths[:, 1].max()) + 0.4)
-    return along, max(float(np.abs(paths[:, 0]).max()) + 0.1, ROAD_EDGE + 0.1)
