@@ -5,8 +5,8 @@ Person u answers by the utility w_u . feature difference, with lapses (`study_co
     w_0 ~ N(mean, precision^-1),    w_u ~ N(w_0, I / personal_precision)
 
 The normal distribution is around the mode. Its precision is the prior's plus each answer's information. That is the
-Hessian but for answers that look like lapses, which bend the other way and count for nothing: with them, the Hessian may
-be close to singular, and the evidence as large as one likes.
+Hessian but for answers that look like lapses, which bend the other way and count for nothing: with them, the Hessian
+may be close to singular, and the evidence as large as one likes.
 
 A mode is nearer to zero than the mean, the more so the fewer the answers and the more the lapses: the scales and the
 lapse rate that the evidence favours are then too small, and the intervals too narrow (see DECISIONS.md).

@@ -1,7 +1,8 @@
-"""Rich features against their table, written once more as loops over single drives, and against drives one can picture."""
+"""Rich features against their table, written once more as loops, and against drives one can picture."""
 
 import math
 import statistics
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def bump(z):
 
 
 def changes(values):
-    return [after - before for before, after in zip(values, values[1:], strict=False)]
+    return [after - before for before, after in pairwise(values)]
 
 
 def expected(states):
@@ -69,7 +70,7 @@ def expected(states):
         "greatest speed": max(v),
         "speed variation": statistics.pstdev(v),
         "backing up": 10 * mean(max(-a, 0) for a in v),
-        "standing": mean(s((0.15 - a) / 0.03) for a in v),
+        "standing or backing": mean(s((0.15 - a) / 0.03) for a in v),
         "slow": mean(max(0.4 - a, 0) for a in v),
         "unlike traffic": mean(abs(a - b[3]) for a, b in zip(v, HUMAN, strict=True)),
         "largest turn": max(turn),
@@ -81,7 +82,7 @@ def expected(states):
         "side at end": side[-1],
         "side": mean(side),
         "swaying": min(sum(map(abs, changes(x))), 1),
-        "lane changes": sum(a != b for a, b in zip(nearest, nearest[1:], strict=False)),
+        "lane changes": sum(a != b for a, b in pairwise(nearest)),
         **{f"in {lane} lane": mean(bump((a - at) / 0.06) for a in x) for lane, at in LANES.items()},
         "in middle lane at end": bump(x[-1] / 0.06),
         "ahead": mean(s(b / 0.1) for b in dy),
@@ -116,39 +117,25 @@ def test_every_feature_is_what_the_table_says():
         np.testing.assert_allclose(values, list(wanted.values()), rtol=1e-6, atol=1e-7)
 
 
-def test_they_stay_in_the_ranges_of_the_data_sheet():
-    controls = np.random.default_rng(9).choice([-1.0, 0.0, 1.0], (3000, 10))
-    rich = dict(zip(NAMES, DRIVING_V1.rich_features(DRIVING_V1.rollout(controls)).T, strict=True))
-    ranges = {name: values for name, values in _sheet().items() if name in rich}
-    assert set(ranges) == set(NAMES) - set(DRIVING_V1.feature_names)
-    for name, (low, high) in ranges.items():
-        assert low <= rich[name].min(), name
-        assert rich[name].max() <= high, name
-
-
-def _sheet():
-    """The ranges of the docstring's table, by name; what a row says of several features holds for each."""
+def sheet():
+    """The ranges of the docstring's table, by name."""
     ranges = {}
     for line in rich_features.__doc__.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if len(cells) == 4 and cells[2][:1] in "([R0":
-            low, high = (-math.inf, math.inf) if cells[2] == "R" else _bounds(cells[2])
-            ranges |= {name: (low, high) for name in _names(cells[1])}
+        if len(cells) == 4 and cells[2][0] in "([":
+            low, high = (float(number) for number in cells[2].strip("()[]").split(", "))
+            ranges |= dict.fromkeys(cells[1].split(", "), (low, high))
     return ranges
 
 
-def _bounds(text):
-    if text.startswith("0, 1"):
-        return 0.0, math.inf
-    low, high = text.strip("()[]").split(", ")
-    return float(low), float(high)
-
-
-def _names(cell):
-    """Splits "mean, final speed" into names of features by looking them up."""
-    parts = [part.strip() for part in cell.split(",")]
-    last = parts[-1].rsplit(" ", 1)[-1]
-    return [part if part in NAMES else f"{part} {last}" for part in parts] + [f"in {parts[0][3:]} lane"]
+def test_they_stay_in_the_ranges_of_the_data_sheet():
+    controls = np.random.default_rng(9).choice([-1.0, 0.0, 1.0], (3000, 10))
+    rich = dict(zip(NAMES, DRIVING_V1.rich_features(DRIVING_V1.rollout(controls)).T, strict=True))
+    ranges = sheet()
+    assert set(ranges) == set(NAMES)
+    for name, (low, high) in ranges.items():
+        assert low <= rich[name].min(), name
+        assert rich[name].max() <= high, name
 
 
 @pytest.mark.parametrize(
@@ -158,12 +145,13 @@ def test_going_straight_in_the_middle_does_nothing_of_this(name):
     assert of([0.0, 0.5] * 5)[name] == pytest.approx(0.0, abs=1e-5)
 
 
-def test_backing_up_and_standing_are_told_apart():
-    backwards, standing = of([0.0, -1.0] * 5), of([0.0, 0.0] * 5)
+def test_backing_up_standing_and_going_are_told_apart():
+    backwards, standing, going = of([0.0, -1.0] * 5), of([0.0, 0.0] * 5), of([0.0, 1.0] * 5)
     assert backwards["backing up"] > 3.0
-    assert standing["backing up"] == 0.0
-    assert standing["standing"] > backwards["standing"]
-    assert backwards["way"] < -2.0
+    assert standing["backing up"] == going["backing up"] == 0.0
+    assert standing["standing or backing"] > 0.7
+    assert going["standing or backing"] < 0.01
+    assert backwards["way"] < -2.0 < standing["way"] < 1.0 < going["way"]
 
 
 def test_a_mirrored_road_turns_the_sides_around():
