@@ -143,14 +143,14 @@ def _gradient_of_evidence(
     posterior: Posterior,
 ) -> Float[np.ndarray, " 3"]:
     """Each entry has the derivative at a fixed mode, and what comes of the mode's moving, through its pull."""
-    mode, covariances = posterior.mode, posterior.covariances
-    likelihood, information = posterior.likelihood, posterior.information
+    mode, likelihood, covariances = posterior.mode, posterior.likelihood, posterior.covariances
     deviations = mode.personal - mode.shared
     of_weights = covariances.personal
     variances = ((signed_diffs @ of_weights) * signed_diffs).sum(axis=2)
     # How the log determinant would fall if the mode moved, carried back to whatever moves it.
     slope = Weights(
-        np.zeros_like(mode.shared), sums_over_answers(signed_diffs, -variances * information.slope) / 2
+        np.zeros_like(mode.shared),
+        sums_over_answers(signed_diffs, -variances * likelihood.slope_of_information) / 2,
     )
     pull = posterior.inverse_hessian.times(slope)
     of_shared = (
@@ -166,7 +166,7 @@ def _gradient_of_evidence(
     )
     of_lapse = (
         likelihood.lapse_slope.sum()
-        - (variances * information.lapse_slope).sum() / 2
+        - (variances * likelihood.lapse_slope_of_information).sum() / 2
         + (pull.personal * sums_over_answers(signed_diffs, likelihood.lapse_slope_of_slope)).sum()
     )
     return np.array([of_shared, of_personal, of_lapse])

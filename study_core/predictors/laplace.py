@@ -4,8 +4,12 @@ Person u answers by the utility w_u . feature difference, with lapses (`study_co
 
     w_0 ~ N(mean, precision^-1),    w_u ~ N(w_0, I / personal_precision)
 
-The normal distribution is at the mode and has prior precision plus expected information for its precision. The Hessian
-won't do: a lapse bends the wrong way, and where the Hessian is close to singular the evidence would grow without bound.
+The normal distribution is around the mode. Its precision is the prior's plus each answer's information. That is the
+Hessian but for answers that look like lapses, which bend the other way and count for nothing: with them, the Hessian
+may be close to singular, and the evidence as large as one likes.
+
+A mode is nearer to zero than the mean, the more so the fewer the answers and the more the lapses: the scales and the
+lapse rate that the evidence favours are then too small, and the intervals too narrow (see DECISIONS.md).
 
 Both matrices are arrows: one block for each person, joined by the shared w_0 alone. So they are inverted person by
 person; the cost is linear in the number of people.
@@ -18,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from study_core.predictors.lapsing import Information, LogLikelihood, expected_information, log_likelihood
+from study_core.predictors.lapsing import LogLikelihood, log_likelihood
 
 _MOST_STEPS = 100
 # A step is halved until it brings this share of the rise that its slope promises, and given up at the shortest.
@@ -117,17 +121,15 @@ class Posterior:
     Attributes:
         mode: Where the log posterior is highest.
         likelihood: Of every answer at the mode, shapes `(n_people, n)`.
-        information: The same answers' expected information.
-        covariances: Inverse of the expected precision.
-        inverse_hessian: Inverse of the Hessian of -log posterior, which says how the mode moves; of the expected
-            precision where the Hessian isn't definite.
+        covariances: Of the normal distribution.
+        inverse_hessian: Inverse of the Hessian of -log posterior, which says how the mode moves; the covariances once
+            more where the Hessian isn't definite.
         log_density: At the mode: log likelihood less that of tossing a coin, plus log prior without its normaliser.
         has_converged: Whether this is a mode; if not, climbing gave up on the way to it.
     """
 
     mode: Weights
     likelihood: LogLikelihood
-    information: Information
     covariances: Covariances
     inverse_hessian: Covariances
     log_density: float
@@ -172,14 +174,13 @@ def _posterior_at(prior: Prior, signed_diffs: Float[np.ndarray, "n_people n k"],
     """Returns the normal distribution around a point; where the Hessian isn't definite, this is no mode."""
     z = _products(signed_diffs, point.personal)
     likelihood = log_likelihood(z, prior.lapse_logit)
-    information = expected_information(z, prior.lapse_logit)
-    covariances = _covariances(prior, signed_diffs, information.value)
+    covariances = _covariances(prior, signed_diffs, likelihood.information)
     try:
         inverse_hessian, is_definite = _covariances(prior, signed_diffs, -likelihood.curvature), True
     except np.linalg.LinAlgError:
         inverse_hessian, is_definite = covariances, False
     log_density = _log_density(prior, signed_diffs, point)
-    return Posterior(point, likelihood, information, covariances, inverse_hessian, log_density, is_definite)
+    return Posterior(point, likelihood, covariances, inverse_hessian, log_density, is_definite)
 
 
 def _covariances(

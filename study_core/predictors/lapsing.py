@@ -27,6 +27,9 @@ class LogLikelihood:
         curvature: Its second; positive where the answer looks like a lapse.
         lapse_slope: Its derivative in a.
         lapse_slope_of_slope: The derivative of `slope` in a.
+        information: -curvature, or 0 where that is negative.
+        slope_of_information: Its derivative in z.
+        lapse_slope_of_information: Its derivative in a.
     """
 
     value: Float[np.ndarray, "..."]
@@ -34,6 +37,9 @@ class LogLikelihood:
     curvature: Float[np.ndarray, "..."]
     lapse_slope: Float[np.ndarray, "..."]
     lapse_slope_of_slope: Float[np.ndarray, "..."]
+    information: Float[np.ndarray, "..."]
+    slope_of_information: Float[np.ndarray, "..."]
+    lapse_slope_of_information: Float[np.ndarray, "..."]
 
 
 def log_likelihood(z: Float[np.ndarray, "..."], lapse_logit: float) -> LogLikelihood:
@@ -47,41 +53,19 @@ def log_likelihood(z: Float[np.ndarray, "..."], lapse_logit: float) -> LogLikeli
     lapsed, meant = np.log(lapse / 2), np.log1p(-lapse) + log_expit(z)
     rho, sigma, tau = expit(meant - lapsed), expit(z), expit(-z)
     slope = rho * tau
+    bend = (1 - rho) * tau - sigma
+    tells = bend < 0
     return LogLikelihood(
         value=np.logaddexp(lapsed, meant),
         slope=slope,
-        curvature=slope * ((1 - rho) * tau - sigma),
+        curvature=slope * bend,
         lapse_slope=1 - rho - lapse,
         lapse_slope_of_slope=-(1 - rho) * slope,
-    )
-
-
-@dataclass(frozen=True)
-class Information:
-    """What an answer is expected to tell about z, E[slope^2] over both answers, all of the shape of z.
-
-    Attributes:
-        value: The expectation; never negative.
-        slope: Its derivative in z.
-        lapse_slope: Its derivative in a.
-    """
-
-    value: Float[np.ndarray, "..."]
-    slope: Float[np.ndarray, "..."]
-    lapse_slope: Float[np.ndarray, "..."]
-
-
-def expected_information(z: Float[np.ndarray, "..."], lapse_logit: float) -> Information:
-    """Returns the expected information of answers; the arguments are those of `log_likelihood`."""
-    lapse, sigma, tau = expit(lapse_logit), expit(z), expit(-z)
-    # Of this answer and of the opposite one.
-    rho = (1 - lapse) * sigma / (lapse / 2 + (1 - lapse) * sigma)
-    opposite_rho = (1 - lapse) * tau / (lapse / 2 + (1 - lapse) * tau)
-    value = rho * tau * opposite_rho * sigma
-    return Information(
-        value=value,
-        slope=value * (2 * (tau - sigma) - rho * tau + opposite_rho * sigma),
-        lapse_slope=value * (rho + opposite_rho - 2),
+        information=np.where(tells, -slope * bend, 0.0),
+        slope_of_information=np.where(
+            tells, slope * (tau * (rho * (1 - rho) * tau + (2 - rho) * sigma) - bend**2), 0.0
+        ),
+        lapse_slope_of_information=np.where(tells, (1 - rho) * slope * ((1 - 2 * rho) * tau - sigma), 0.0),
     )
 
 

@@ -57,7 +57,7 @@ class NetworkFeatures:
     domain: Domain
     means: Float[np.ndarray, " n_inputs"]
     inverse_scales: Float[np.ndarray, " n_inputs"]
-    layers: tuple[tuple[Float[np.ndarray, "n_in n_out"], Float[np.ndarray, " n_out"]], ...]
+    layers: tuple[tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, "_"]], ...]
 
     def __call__(self, states: Float[np.ndarray, "n n_steps n_states"]) -> Float[np.ndarray, "n k"]:
         """Returns the features of each trajectory, within (-1, 1)."""
@@ -127,7 +127,7 @@ def _train(
     rng: np.random.Generator,
     inputs: Float[np.ndarray, "n_trajectories n_shown n_inputs"],
     trainings: Sequence[Training],
-) -> tuple[tuple[Float[np.ndarray, "n_in n_out"], Float[np.ndarray, " n_out"]], ...]:
+) -> tuple[tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, "_"]], ...]:
     """Returns the layers after training on all answers at once, in single precision and on one thread.
 
     Args:

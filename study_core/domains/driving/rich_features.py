@@ -1,40 +1,43 @@
 """54 features of a whole drive, from a driver's sense of what people may mind: what a linear model learns from.
 
 They are written once, without a look at anybody's answers, and are no reward: signs are left to whoever learns from
-them. Distances are in units of the road (a lane is 0.17 wide), times in seconds. All are finite, and bounded for
-drives within the controls' bounds; they aren't standardised. "Mean", "largest" and so on are over the 50 recorded
-states. s is the logistic function, (dx, dy) the position relative to the other car, d its length.
+them. Distances are in units of the road (a lane is 0.17 wide), times in seconds. Ranges are those of drives within the
+controls' bounds; nothing is standardised. "Mean", "largest" and so on are over the 50 recorded states. s is the
+logistic function, (dx, dy) the position relative to the other car, d its length.
 
 | group | feature | range | formula |
 | --- | --- | --- | --- |
-| published | lane, speed, heading, collision | see `features` | the four hand-coded features |
+| published | lane | (0, 1] | the hand-coded features: see `features` |
+| | speed | [-4, 0] | |
+| | heading | [-1, 1] | |
+| | collision | [-1, 0) | |
 | road | off road | (0, 1) | mean s((abs x - 0.255) / 0.02) |
-| | beyond lanes | [0, inf) | mean max(abs x - 0.2, 0) |
+| | beyond lanes | [0, 4.8] | mean max(abs x - 0.2, 0) |
 | | farthest beyond lanes | [0, 1) | tanh(max(abs x - 0.2, 0) / 0.2), its largest |
 | | off road at end | (0, 1) | s((abs x - 0.255) / 0.02) of the last state |
 | | farthest from middle | [0, 1) | tanh(abs x / 0.3), its largest |
 | closeness | closest | (0, 1] | exp(-(7 dx^2 + 3 dy^2)), its largest |
-| | touching, longest touching | (0, 1] | exp(-((dx / 0.1)^2 + (dy / 0.2)^2) / 2): largest, mean |
+| | touching, longest touching | [0, 1] | exp(-((dx / 0.1)^2 + (dy / 0.2)^2) / 2): largest, mean |
 | | least distance | [0, 0.5] | smallest d, at most 0.5 |
 | | near | (0, 1) | mean s((0.2 - d) / 0.03) |
 | | distance at end | [0, 1] | last d, at most 1 |
-| progress | way | R | last y |
-| | way beyond usual | [0, inf) | what the last y exceeds 1.5 by |
-| | farthest | R | largest y |
-| speed | mean, final, least, greatest speed | [-1, 1] | v |
+| progress | way | [-5.3, 4.7] | last y |
+| | way beyond usual | [0, 3.2] | what the last y exceeds 1.5 by |
+| | farthest | [-0.3, 4.7] | largest y |
+| speed | mean speed, final speed, least speed, greatest speed | [-1, 1] | v |
 | | speed variation | [0, 1] | standard deviation of v |
 | | backing up | [0, 10] | 10 mean max(-v, 0) |
-| | standing | (0, 1) | mean s((0.15 - v) / 0.03) |
+| | standing or backing | (0, 1) | mean s((0.15 - v) / 0.03) |
 | | slow | [0, 1.4] | mean max(0.4 - v, 0) |
 | | unlike traffic | [0, 2] | mean abs(v - v of the other car) |
-| heading | largest, mean, final turn | [0, 1.6] | abs(theta - pi/2), each at most 1.6 |
+| heading | largest turn, mean turn, final turn | [0, 1.6] | abs(theta - pi/2), each at most 1.6 |
 | | turning | [0, 3] | sum of abs changes of theta, at most 3 |
 | lane | off centre, off centre at end | [0, 0.3] | distance to the nearest lane centre, each at most 0.3 |
 | | side at end, side | [-0.4, 0.4] | x, each clipped: last, mean |
 | | swaying | [0, 1] | sum of abs changes of x, at most 1 |
-| | lane changes | 0, 1, ... | how often the nearest lane centre changes |
-| | in left, middle, right lane | (0, 1] | mean exp(-((x - centre) / 0.06)^2 / 2) |
-| | in middle lane at end | (0, 1] | the same of the last state |
+| | lane changes | [0, 49] | how often the nearest lane centre changes |
+| | in left lane, in middle lane, in right lane | [0, 1] | mean exp(-((x - centre) / 0.06)^2 / 2) |
+| | in middle lane at end | [0, 1] | the same of the last state |
 | other car | ahead, ahead at end | (0, 1) | s(dy / 0.1): mean, last |
 | | behind in its lane | (0, 1) | mean same s(-dy / 0.1), with same = exp(-(dx / 0.085)^2 / 2) |
 | | ahead in its lane | (0, 1) | mean same s(dy / 0.1) |
@@ -235,7 +238,7 @@ _GROUPS: dict[tuple[str, ...], Callable[[_Drives], _Columns]] = {
         "greatest speed",
         "speed variation",
         "backing up",
-        "standing",
+        "standing or backing",
         "slow",
         "unlike traffic",
     ): _speed,

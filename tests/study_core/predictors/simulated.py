@@ -4,7 +4,7 @@ import numpy as np
 
 SHARED = np.array([1.5, -1.0, 0.5, 0.0, 0.0])
 PERSONAL_SCALE = 0.6
-LAPSE_RATE = 0.1
+LAPSE_RATE = 0.03
 
 
 def personal_weights(rng, n_people, shared=SHARED, personal_scale=PERSONAL_SCALE):

@@ -84,7 +84,7 @@ def test_no_scales_nearby_are_more_likely():
 @pytest.mark.statistical
 def test_known_people_are_recovered():
     """Scales and lapse rate come back; of the true weights, nine in ten lie in the intervals that hold nine in ten."""
-    weights, people = crowd(2, 60, 80)
+    weights, people = crowd(2, 60, 250)
     population, beliefs = learn_population(people)
     assert population.has_converged
     assert population.personal_scale == pytest.approx(PERSONAL_SCALE, rel=0.2)

@@ -80,11 +80,12 @@ def test_the_inverse_hessian_is_that_of_second_differences():
     assert posterior.inverse_hessian.log_determinant == pytest.approx(log_determinant, abs=1e-5)
 
 
-def test_the_covariance_is_the_inverse_of_prior_and_expected_information():
-    """Written as one dense matrix: prior precision, plus each answer's mean squared slope over both outcomes."""
+def test_the_covariance_is_the_inverse_of_prior_and_information():
+    """Written as one dense matrix: prior precision, plus each answer's curvature where it bends down."""
     prior, answers = some_prior(), some_answers(2)
     posterior = approximate(prior, answers)
     tau, size = prior.personal_precision, (N_PEOPLE + 1) * K
+    lapse = expit(prior.lapse_logit)
     precision = np.zeros((size, size))
     precision[:K, :K] = prior.precision + N_PEOPLE * tau * np.eye(K)
     for u in range(N_PEOPLE):
@@ -92,13 +93,14 @@ def test_the_covariance_is_the_inverse_of_prior_and_expected_information():
         precision[rows, :K] = precision[:K, rows] = -tau * np.eye(K)
         precision[rows, rows] = tau * np.eye(K)
         for row in answers[u]:
-            z = row @ posterior.mode.personal[u]
-            lapse = expit(prior.lapse_logit)
-            p, opposite = (lapse / 2 + (1 - lapse) * expit(sign * z) for sign in (1, -1))
-            slope = (1 - lapse) * expit(z) * expit(-z)
-            precision[rows, rows] += slope**2 * (1 / p + 1 / opposite) * np.outer(row, row)
-    assert_blocks(posterior.covariances, np.linalg.inv(precision), 1e-12)
-    assert posterior.covariances.log_determinant == pytest.approx(np.linalg.slogdet(precision)[1], abs=1e-10)
+            log_p = [
+                np.log(lapse / 2 + (1 - lapse) * expit(row @ posterior.mode.personal[u] + step))
+                for step in (-1e-4, 0.0, 1e-4)
+            ]
+            information = max(0.0, -(log_p[0] - 2 * log_p[1] + log_p[2]) / 1e-8)
+            precision[rows, rows] += information * np.outer(row, row)
+    assert_blocks(posterior.covariances, np.linalg.inv(precision), 1e-6)
+    assert posterior.covariances.log_determinant == pytest.approx(np.linalg.slogdet(precision)[1], abs=1e-5)
 
 
 def assert_blocks(covariances, dense, tolerance):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from study_core.predictors.lapsing import expected_information, log_likelihood, probability
+from study_core.predictors.lapsing import log_likelihood, probability
 
 Z = np.array([-30.0, -6.0, -1.5, -0.2, 0.0, 0.7, 3.0, 25.0])
 LAPSE_LOGITS = [-7.0, -3.0, 0.5]
@@ -28,32 +28,32 @@ def test_the_value_is_the_logarithm_of_the_probability(lapse_logit):
 
 @pytest.mark.parametrize("lapse_logit", LAPSE_LOGITS)
 @pytest.mark.parametrize(
-    ("what", "of", "derivative"),
+    ("of", "derivative"),
     [
-        (log_likelihood, "value", "slope"),
-        (log_likelihood, "slope", "curvature"),
-        (expected_information, "value", "slope"),
+        ("value", "slope"),
+        ("slope", "curvature"),
+        ("information", "slope_of_information"),
     ],
 )
-def test_each_derivative_in_z_is_a_finite_difference(lapse_logit, what, of, derivative):
-    ahead, behind = (getattr(what(Z + step, lapse_logit), of) for step in (STEP, -STEP))
+def test_each_derivative_in_z_is_a_finite_difference(lapse_logit, of, derivative):
+    ahead, behind = (getattr(log_likelihood(Z + step, lapse_logit), of) for step in (STEP, -STEP))
     expected = (ahead - behind) / (2 * STEP)
-    np.testing.assert_allclose(getattr(what(Z, lapse_logit), derivative), expected, atol=1e-8)
+    np.testing.assert_allclose(getattr(log_likelihood(Z, lapse_logit), derivative), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("lapse_logit", LAPSE_LOGITS)
 @pytest.mark.parametrize(
-    ("what", "of", "derivative"),
+    ("of", "derivative"),
     [
-        (log_likelihood, "value", "lapse_slope"),
-        (log_likelihood, "slope", "lapse_slope_of_slope"),
-        (expected_information, "value", "lapse_slope"),
+        ("value", "lapse_slope"),
+        ("slope", "lapse_slope_of_slope"),
+        ("information", "lapse_slope_of_information"),
     ],
 )
-def test_each_derivative_in_the_lapse_rate_is_a_finite_difference(lapse_logit, what, of, derivative):
-    ahead, behind = (getattr(what(Z, lapse_logit + step), of) for step in (STEP, -STEP))
+def test_each_derivative_in_the_lapse_rate_is_a_finite_difference(lapse_logit, of, derivative):
+    ahead, behind = (getattr(log_likelihood(Z, lapse_logit + step), of) for step in (STEP, -STEP))
     expected = (ahead - behind) / (2 * STEP)
-    np.testing.assert_allclose(getattr(what(Z, lapse_logit), derivative), expected, atol=1e-8)
+    np.testing.assert_allclose(getattr(log_likelihood(Z, lapse_logit), derivative), expected, atol=1e-8)
 
 
 def test_an_answer_no_utility_explains_is_taken_for_a_lapse():
@@ -63,12 +63,14 @@ def test_an_answer_no_utility_explains_is_taken_for_a_lapse():
     assert found.slope[0] == found.curvature[0] == 0.0
 
 
-@pytest.mark.parametrize("lapse_logit", LAPSE_LOGITS)
-def test_the_expected_information_is_the_mean_square_slope_over_both_answers(lapse_logit):
-    p = answer_probability(Z, lapse_logit)
-    preferred, other = (log_likelihood(z, lapse_logit).slope for z in (Z, -Z))
-    expected = p * preferred**2 + (1 - p) * other**2
-    np.testing.assert_allclose(expected_information(Z, lapse_logit).value, expected, rtol=1e-9, atol=1e-14)
+def test_what_looks_like_a_lapse_tells_nothing():
+    """Of a rate of 5 %, the curvature's sign changes where the opposite answer is some five times as likely."""
+    found = log_likelihood(np.array([-4.0, -2.5, 0.0, 2.5]), -3.0)
+    assert (found.curvature[:2] > 0).all()
+    np.testing.assert_array_equal(found.information[:2], 0.0)
+    np.testing.assert_array_equal(found.slope_of_information[:2], 0.0)
+    np.testing.assert_allclose(found.information[2:], -found.curvature[2:])
+    assert (found.information[2:] > 0.05).all()
 
 
 @pytest.mark.parametrize("mean", [-2.0, 0.0, 0.4, 5.0])
