@@ -133,14 +133,16 @@ def test_the_last_page_does_not_wait_for_the_model(database_url: str) -> None:
         assert may_go_on.wait(_PATIENCE_S)
         return fit_weights(request)
 
-    with wiring.headless(database_url) as runtime:
-        with trainer_of(runtime.store, replace(METHOD, train=slow)) as trainer:
-            runtime.trainer = trainer
-            session_id = finish(runtime)
-            assert services.screen(runtime, session_id).kind == "finished"
-            assert runtime.store.personal_model(session_id, "weights") is None
-            may_go_on.set()
-            arrived(runtime.store, session_id)
+    with (
+        wiring.headless(database_url) as runtime,
+        trainer_of(runtime.store, replace(METHOD, train=slow)) as trainer,
+    ):
+        runtime.trainer = trainer
+        session_id = finish(runtime)
+        assert services.screen(runtime, session_id).kind == "finished"
+        assert runtime.store.personal_model(session_id, "weights") is None
+        may_go_on.set()
+        arrived(runtime.store, session_id)
 
 
 def test_who_is_under_way_or_rehearsed_is_not_learned_from(database_url: str) -> None:
@@ -204,13 +206,25 @@ def test_one_who_cannot_be_learned_from_does_not_keep_the_others_from_it(
     store: Store, imported: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     with (
-        trainer_of(store, replace(METHOD, train=refuse_five)) as trainer, caplog.at_level(logging.ERROR),
+        trainer_of(store, replace(METHOD, train=refuse_five)) as trainer,
+        caplog.at_level(logging.ERROR),
         pytest.raises(TrainingError, match="1 of 2 models could not be trained"),
     ):
         trainer.train(trainer.missing(), lambda: None)
     assert "nothing can be learned from person 5" in caplog.text
     assert store.personal_model(imported[0], "weights") is None
     assert store.personal_model(imported[1], "weights") is not None
+
+
+def test_models_are_trained_in_other_processes_as_well(
+    store: Store, database_url: str, imported: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(wiring, "TRAINING_METHOD", METHOD)
+    with wiring.training(database_url, n_workers=2) as trainer:
+        trainer.train(trainer.missing(), lambda: None)
+    for session_id in imported:
+        weights = np.frombuffer(arrived(store, session_id))
+        np.testing.assert_allclose(weights, expected_weights(store, session_id), rtol=1e-9)
 
 
 def request_of(store: Store, session_id: str) -> TrainingRequest:
