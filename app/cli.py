@@ -252,7 +252,10 @@ def train(
         missing = trainer.missing(study)
         task = progress.add_task("people", total=len(missing))
         trainer.train(missing, lambda: progress.advance(task))
-    print(f"Trained the models of {len(missing)} people." if missing else "Nobody lacks a model.")
+    whom = f" of {study}" if study else ""
+    print(
+        f"Trained the models of {len(missing)} people{whom}." if missing else f"Nobody{whom} lacks a model."
+    )
 
 
 @cli.command()

@@ -83,5 +83,6 @@ def study_of(answers: ActiveAnswers, record: SessionRecord) -> Study:
 def _training(answers: ActiveAnswers, record: SessionRecord, study: Study, state: SessionState) -> Training:
     pairs, signs = preferences(study.domain, state.prepared, state.answers)
     posteriors = answers.posteriors(record.id)
-    # Test answers don't inform the posterior, so the last one knows of active answers alone.
+    # Test answers don't inform the posterior, so the last one knows of active answers alone. (An imported person's
+    # doesn't know the very last of those; their study kept none that does.)
     return Training(pairs, signs, posteriors[-1].mean if posteriors else None)

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
-from app.store import PositionTakenError, PosteriorRecord
+from app.store import PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.run import Posterior
@@ -116,6 +116,9 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
             runtime.append(live, *entry(continuation))
         except PositionTakenError:
             log.info("session %s: another process prepared the query first", live.record.id)
+            return
+        except SessionDeletedError:
+            log.info("session %s was deleted before its query was ready", live.record.id)
             return
     announce(runtime, live, continuation)
 

@@ -18,7 +18,7 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from app.services import study as services
 from app.services.runtime import Runtime
 from app.settings import STATIC
-from app.store import SessionRecord
+from app.store import SessionDeletedError, SessionRecord
 from app.web.changes import Changes
 from app.web.guard import Guard, JoinLimit, protect
 from app.web.pages import error_json, error_response, templates
@@ -114,6 +114,11 @@ def _add_error_pages(site: FastAPI) -> None:
     @site.exception_handler(services.InvalidAnswerError)
     async def invalid_answer(request: Request, error: services.InvalidAnswerError) -> Response:
         return error_json(422, "invalid-answer", str(error))
+
+    @site.exception_handler(SessionDeletedError)
+    async def deleted(request: Request, error: SessionDeletedError) -> Response:
+        title, text = "This session was deleted", "Nothing of it is kept. You can close this page."
+        return error_response(request, 410, "deleted", title, text)
 
     @site.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:

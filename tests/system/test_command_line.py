@@ -11,13 +11,18 @@ import sys
 from pathlib import Path
 
 import pytest
+from alembic import command
+from alembic.config import Config
 
 from app.settings import find_study
+from app.store.engine import parse_url
+from app.store.migrate import MIGRATIONS, migration_transaction
+from tests.support.published import write_person
 
 SCRIPT = Path(__file__).with_name("quickstart.jsonl")
 
 
-def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+def run(*arguments: str, folder: Path | None = None, answer: str = "") -> subprocess.CompletedProcess[str]:
     """Runs the command line to its end."""
     return subprocess.run(
         [sys.executable, "-m", "app.cli", *arguments],
@@ -26,6 +31,7 @@ def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProc
         timeout=300,
         check=False,
         cwd=folder,
+        input=answer,
     )
 
 
@@ -169,7 +175,66 @@ def test_wrong_usage_ends_with_two(tmp_path: Path) -> None:
     assert run("simulate", "--people", "0").returncode == 2
 
 
-@pytest.mark.parametrize("command", ["serve", "replay", "simulate", "export", "migrate", "bench"])
+def test_published_people_are_imported_once(tmp_path: Path) -> None:
+    write_person(tmp_path, 3)
+    options = ("import", str(tmp_path), "--database", f"sqlite:///{tmp_path / 's.db'}")
+    first = run(*options, "--json")
+    assert first.returncode == 0, first.stderr
+    person = json.loads(first.stdout)
+    assert (person["number"], person["n_active"], person["n_test"]) == (3, 6, 3)
+    assert set(person["files"]) == {"train3.jld2", "test3.jld2"}
+    again = run(*options)
+    assert again.returncode == 0
+    assert "imported before; nothing changed" in again.stdout
+
+
+@pytest.mark.parametrize("damage", ["cut short", "nobody there"])
+def test_a_folder_that_cannot_be_imported_is_one_line_and_makes_no_database(
+    tmp_path: Path, damage: str
+) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    if damage == "cut short":
+        write_person(folder, 3)
+        write_person(folder, 4)
+        (folder / "test4.jld2").write_bytes((folder / "test4.jld2").read_bytes()[:2000])
+    said = "test4.jld2" if damage == "cut short" else "train1.jld2"
+    done = run("import", str(folder), "--database", f"sqlite:///{tmp_path / 's.db'}")
+    assert_one_line_with(done, said)
+    assert not (tmp_path / "s.db").exists()
+
+
+def test_a_person_is_deleted_when_it_is_confirmed(tmp_path: Path) -> None:
+    write_person(tmp_path, 3)
+    database = ("--database", f"sqlite:///{tmp_path / 's.db'}")
+    session_id = json.loads(run("import", str(tmp_path), "--json", *database).stdout)["session_id"]
+    refused = run("delete", session_id, *database, answer="n\n")
+    assert refused.returncode == 1
+    assert "Delete imported person 1 of katz2021-published (9 answers) for good?" in refused.stderr
+    assert run("delete", session_id, *database, answer="y\n").returncode == 0
+    assert_one_line_with(run("delete", session_id, "--yes", *database), "was deleted at")
+    assert_one_line_with(run("delete", "nobody", "--yes", *database), "Expected the id of a session")
+
+
+def test_migrating_says_what_it_did(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 's.db'}"
+    assert "Created the database" in run("migrate", "--database", database).stdout
+    assert "nothing changed" in run("migrate", "--database", database).stdout
+    old = tmp_path / "old.db"
+    with migration_transaction(parse_url(f"sqlite:///{old}")) as connection:
+        config = Config(attributes={"connection": connection})
+        config.set_main_option("script_location", MIGRATIONS.as_posix())
+        command.upgrade(config, "0001")
+    done = run("migrate", "--database", f"sqlite:///{old}")
+    assert "from schema 0001 to 0002. A copy of what it was is in" in done.stdout
+    (copy,) = tmp_path.glob("old.db.schema-0001.*.bak")
+    assert copy.name in done.stdout.replace("\n", "")
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["serve", "replay", "simulate", "export", "import", "train", "delete", "migrate", "bench"],
+)
 def test_every_command_explains_itself(command: str) -> None:
     done = run(command, "--help")
     assert done.returncode == 0

@@ -20,7 +20,8 @@ _INTERVAL_S = 0.25
 
 @pytest.fixture(scope="module")
 def engine() -> Iterator[DaskEngine]:
-    started = DaskEngine(n_workers=1, warm_up=partial(sys.setswitchinterval, _INTERVAL_S))
+    warm_up = partial(sys.setswitchinterval, _INTERVAL_S)
+    started = DaskEngine(n_workers=1, warm_up=warm_up, n_training_workers=1)
     yield started
     started.close()
 
@@ -67,6 +68,29 @@ def test_giving_one_up_leaves_the_other(engine: DaskEngine) -> None:
 def test_a_failure_is_handed_on(engine: DaskEngine) -> None:
     with pytest.raises(ValueError, match="invalid literal"):
         engine.submit("not a number", int, "x", urgency=0.0).result(_PATIENCE_S)
+
+
+def test_training_runs_on_a_worker_of_its_own_that_lets_everyone_else_go_first(engine: DaskEngine) -> None:
+    where = "(__import__('os').getpid(), __import__('os').nice(0))"
+    trained = engine.submit("trained", eval, where, urgency=-10.0, resource="training").result(_PATIENCE_S)
+    asked = engine.submit("asked", eval, where, urgency=0.0).result(_PATIENCE_S)
+    assert trained == (engine.process_ids["trainer"][0], 19)
+    assert asked == (engine.process_ids["worker"][0], 10)
+
+
+def test_nobody_waits_for_training(engine: DaskEngine) -> None:
+    training = engine.submit("trains for long", time.sleep, 3.0, urgency=-10.0, resource="training")
+    assert engine.submit("wanted meanwhile", abs, -5, urgency=0.0).result(_PATIENCE_S) == 5
+    assert not training.done()
+    assert training.result(_PATIENCE_S) is None
+
+
+def test_a_killed_trainer_is_replaced_and_trains_again(engine: DaskEngine) -> None:
+    training = engine.submit("trains again", time.sleep, 0.5, urgency=-10.0, resource="training")
+    before = engine.process_ids["trainer"][0]
+    os.kill(before, signal.SIGKILL)
+    assert training.result(_PATIENCE_S) is None
+    assert engine.process_ids["trainer"][0] != before
 
 
 @pytest.mark.parametrize("victim", ["worker", "scheduler"])

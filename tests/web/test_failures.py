@@ -11,7 +11,8 @@ import pytest
 from app.services import study as services
 from app.web import site
 from app.web.guard import JoinLimit
-from tests.support.screens import screens
+from app.web.site import SiteParts
+from tests.support.screens import first_question, screens
 from tests.web.test_pages import BROWSER, assert_safe
 
 JOINS = 3
@@ -78,3 +79,17 @@ def test_a_failure_breaks_the_stream_of_screens_without_a_word(
         monkeypatch.setattr(services, "screen", fail)
         with pytest.raises(httpx.RemoteProtocolError, match="incomplete chunked read"):
             list(screens(client, home))
+
+
+def test_who_was_deleted_while_answering_is_told_so_and_forgotten(parts: SiteParts, url: str) -> None:
+    with httpx.Client(base_url=url, timeout=60.0) as person:
+        home = person.post("/join/quickstart", content=b"").headers["location"]
+        first_question(person, home)
+        (record,) = parts.runtime.store.sessions()
+        parts.runtime.store.delete_session(record.id)
+        answer = {"query_index": 0, "choice": "a", "response_time_ms": 900}
+        refused = person.post(f"{home}answer", json=answer)
+        assert (refused.status_code, refused.json()["error"]["code"]) == (410, "deleted")
+        assert person.get(home, headers=BROWSER).status_code == 404
+        # Whoever opens the study's link again is a new person.
+        assert person.get("/join/quickstart", headers=BROWSER).status_code == 200
