@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
-from study_core.domain import Domain
+from study_core.domain import Domain, domain_named
 from study_core.errors import TooFewAnswersError
 from study_core.networks.checkpoint import Checkpoint, Lineage
 from study_core.networks.config import NetworkConfig
@@ -24,6 +24,10 @@ from study_core.predictors.own_answers import OwnAnswers, hand_coded_diffs
 from study_core.predictors.predictor import Pairs, Training
 
 FEWEST_ANSWERS = 10
+PUBLISHED = NetworkConfig()
+
+# A network may be certain to the last bit; what a predictor says is not.
+_LEAST_PROBABILITY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -46,12 +50,8 @@ class NetworkModel:
 
     def probability_of_a(self, pairs: Pairs) -> Float[np.ndarray, " n"]:
         """Returns the mean of the networks' probabilities: one of them is right, and nobody knows which."""
-        # A network may be certain to the last bit; the contract's probabilities are not.
         mean = self.members_probability_of_a(pairs).mean(axis=0)
-        return np.clip(mean, _SMALLEST, 1.0 - _SMALLEST)
-
-
-_SMALLEST = 1e-12
+        return mean.clip(_LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class PersonalNetwork:
         n_threads: Threads that share the trials; the result doesn't depend on it.
     """
 
-    config: NetworkConfig = NetworkConfig()
+    config: NetworkConfig = PUBLISHED
     n_threads: int = 1
     name = "personal-network"
 
@@ -114,6 +114,29 @@ def train_networks(
     lesson = Lesson(examples(domain, config, training.pairs), training.signs, weights)
     trials = train(rng, config, lesson, n_threads, on_progress)
     return NetworkModel(domain, config, trials.networks[best_trials(trials, config.n_selected)])
+
+
+def checkpoint_of(model: NetworkModel, training: Training, seed: int) -> Checkpoint:
+    """Returns what can be stored of a model, with the answers, configuration and code that it comes from."""
+    answers = (training.pairs.states_a, training.pairs.states_b, training.signs)
+    lineage = Lineage(
+        answers_digest=hashlib.sha256(b"".join(part.tobytes() for part in answers)).hexdigest(),
+        config_digest=model.config.digest,
+        domain_id=model.domain.id,
+        versions=(f"prefstudy-{version('prefstudy')}", VERSION),
+        seed=seed,
+    )
+    return Checkpoint(model.networks, model.config, lineage)
+
+
+def model_of(checkpoint: Checkpoint) -> NetworkModel:
+    """Returns the model of a checkpoint.
+
+    Raises:
+        UnknownNameError: Its domain isn't there.
+    """
+    domain = domain_named(checkpoint.lineage.domain_id)
+    return NetworkModel(domain, checkpoint.config, checkpoint.networks)
 
 
 def examples(
