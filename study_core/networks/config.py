@@ -1,4 +1,4 @@
-"""What a feature network is and how it is trained; the defaults are the published procedure (Katz et al. 2021)."""
+"""What a feature network is and how it is trained; the defaults are what the paper says (Katz et al. 2021)."""
 
 from __future__ import annotations
 

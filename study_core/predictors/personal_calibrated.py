@@ -64,7 +64,7 @@ class PersonalCalibrated:
 
     Attributes:
         config: The networks and their training.
-        n_threads: Threads that share the trials; the result doesn't depend on it.
+        n_threads: Threads that share the people.
     """
 
     config: NetworkConfig = CONFIG
@@ -78,7 +78,7 @@ class PersonalCalibrated:
             TooFewAnswersError: Somebody has given fewer than `FEWEST_ANSWERS`.
         """
         require_answers(self.name, people)
-        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people)
+        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people, self.n_threads)
 
     def _learn(
         self, rng: np.random.Generator, training: Training, domain: Domain
@@ -110,7 +110,7 @@ class PersonalCalibrated:
         known = hand_coded_diffs(domain, training.pairs) @ log_odds
         pairs = examples(domain, self.config, training.pairs, known)
         lesson = Lesson(pairs, training.signs, np.empty(0), float(parameters.lapse_rate.mean()))
-        networks = train(rng, self.config, lesson, self.n_threads).networks
+        networks = train(rng, self.config, lesson).networks
         return CalibratedNetworkModel(domain, self.config, posterior, networks, share)
 
 
