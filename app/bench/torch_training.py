@@ -66,7 +66,10 @@ def _step(optimiser: torch.optim.Optimizer, loss: torch.Tensor) -> float:
 def _network(starts: Networks, trial: int) -> nn.Sequential:
     _, n_hidden, n_inputs = starts.hidden_weights.shape
     network = nn.Sequential(
-        nn.Linear(n_inputs, n_hidden), nn.ReLU(), nn.Linear(n_hidden, starts.output_biases.shape[1]), nn.Tanh()
+        nn.Linear(n_inputs, n_hidden),
+        nn.ReLU(),
+        nn.Linear(n_hidden, starts.output_biases.shape[1]),
+        nn.Tanh(),
     )
     arrays = (starts.hidden_weights, starts.hidden_biases, starts.output_weights, starts.output_biases)
     with torch.no_grad():

@@ -61,7 +61,8 @@ class Checkpoint:
 def to_bytes(checkpoint: Checkpoint) -> bytes:
     """Returns a checkpoint as bytes, the same for equal checkpoints."""
     tensors = {
-        field.name: np.ascontiguousarray(getattr(checkpoint.networks, field.name)) for field in fields(Networks)
+        field.name: np.ascontiguousarray(getattr(checkpoint.networks, field.name))
+        for field in fields(Networks)
     }
     story = {
         "format": FORMAT,

@@ -1,11 +1,11 @@
-"""What a feature network is and how it is trained; the defaults are the published procedure (Katz et al. 2021)."""
+"""What a feature network is and how it is trained; the defaults are what the paper says (Katz et al. 2021)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +14,7 @@ from study_core.domain import Domain
 from study_core.errors import NetworkError, UnknownNameError
 
 PUBLISHED_INPUTS = ("x", "distance", "heading", "speed")
-Procedure = Literal["independent", "continued"]
+PROCEDURES = ("independent", "continued")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class NetworkConfig:
     n_features: int = 1
     n_hidden: int = 100
     has_hand_coded: bool = True
-    procedure: Procedure = "independent"
+    procedure: str = "independent"
     n_trials: int = 40
     n_epochs: int = 40
     learning_rate: float = 0.001
@@ -66,9 +66,11 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         if not self.inputs or len(set(self.inputs)) != len(self.inputs):
-            raise NetworkError(f"Expected `inputs` to be different names, got {self.inputs!r}. Name each once.")
-        if self.procedure not in get_args(Procedure):
-            raise UnknownNameError("training procedure", self.procedure, get_args(Procedure))
+            raise NetworkError(
+                f"Expected `inputs` to be different names, got {self.inputs!r}. Name each once."
+            )
+        if self.procedure not in PROCEDURES:
+            raise UnknownNameError("training procedure", self.procedure, PROCEDURES)
         counts = ("n_features", "n_hidden", "n_trials", "n_epochs", "epochs_per_linear_update", "n_selected")
         for name in counts:
             _check(name, getattr(self, name), getattr(self, name) >= 1, "at least 1")
@@ -80,7 +82,12 @@ class NetworkConfig:
         _check("training_share", self.training_share, 0.0 < self.training_share <= 1.0, "in (0, 1]")
         _check("n_selected", self.n_selected, self.n_selected <= self.n_trials, "at most n_trials")
         keeps_all = self.n_selected == self.n_trials
-        _check("n_selected", self.n_selected, keeps_all or self.training_share < 1.0, "n_trials without validation")
+        _check(
+            "n_selected",
+            self.n_selected,
+            keeps_all or self.training_share < 1.0,
+            "n_trials without validation",
+        )
 
     def to_json(self) -> str:
         """Returns the configuration as one line, the same for equal configurations."""
@@ -96,7 +103,10 @@ class NetworkConfig:
             NetworkError: A value is out of its range.
         """
         values: dict[str, Any] = json.loads(text)
-        return cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in values.items()})
+        tuples: dict[str, Any] = {
+            name: tuple(value) for name, value in values.items() if isinstance(value, list)
+        }
+        return cls(**values | tuples)
 
     @property
     def digest(self) -> str:

@@ -1,9 +1,9 @@
 """Compiled training of feature networks: forward pass, backward pass and optimiser in one sweep without temporaries.
 
-Steps of both trajectories of some pairs lie beside each other, `(n_inputs, n_samples)`, so that every inner loop runs over
-them and the compiler turns it into vector instructions; what a chunk of pairs needs stays in the nearest cache. The
-hidden layer isn't stored: to compute an activation again costs less than to fetch it. Inputs are padded with
-zeros to whole groups of four, each of which is one pass.
+The steps of both trajectories of some pairs lie beside each other, `(n_inputs, n_samples)`, so that every inner loop
+runs over them and the compiler turns it into vector instructions; what a chunk of pairs needs stays in the nearest
+cache. The hidden layer isn't stored: to compute an activation again costs less than to fetch it. Inputs are padded
+with zeros to whole groups of four; the first group shares its pass with everything else.
 
 A network's parameters are one vector: hidden weights, hidden biases, output weights, output biases. Reductions may
 be reordered by the compiler, the same way at every run.
@@ -88,7 +88,9 @@ def loss_and_gradient(shape, examples, network, gradient):
             logit = _logit(base_logits[i], hand_coded[i], diffs[i], linear)
             loss, slope = _loss_and_slope(signs[i] * logit, lapse_rate)
             total += loss
-            _to_slopes(outputs, (i - first) * 2 * n_steps, n_steps, signs[i] * slope / n, linear[n_hand_coded:])
+            _to_slopes(
+                outputs, (i - first) * 2 * n_steps, n_steps, signs[i] * slope / n, linear[n_hand_coded:]
+            )
         _backward(shape, inputs, samples, parameters, outputs, gradient)
     return total / n
 
@@ -116,11 +118,11 @@ def _logit(base_logit, hand_coded, diffs, linear):
 def _loss_and_slope(margin, lapse_rate):
     """Returns -log(lapse / 2 + (1 - lapse) sigmoid(margin)) and its derivative; nothing in it can overflow."""
     odds_against = math.exp(min(-margin, _LARGEST_EXPONENT))
-    # The answer's probability is this many times that of the sigmoid.
-    factor = 1.0 - lapse_rate + 0.5 * lapse_rate * (1.0 + odds_against)
-    softplus = max(-margin, 0.0) + math.log1p(math.exp(-abs(margin)))
     wrong = odds_against / (1.0 + odds_against)
-    return softplus - math.log(factor), -wrong * (1.0 - lapse_rate) / factor
+    if lapse_rate == 0.0:
+        return max(-margin, 0.0) + math.log1p(math.exp(-abs(margin))), -wrong
+    likely = 0.5 * lapse_rate + (1.0 - lapse_rate) / (1.0 + odds_against)
+    return -math.log(likely), -wrong * (1.0 - lapse_rate) / ((1.0 + odds_against) * likely)
 
 
 @njit(cache=True, nogil=True)
@@ -181,7 +183,12 @@ def _views(shape, flat):
 def _four_rows(inputs, k, samples):
     """Returns some samples of four inputs, each a contiguous view."""
     first, last = samples
-    return inputs[k][first:last], inputs[k + 1][first:last], inputs[k + 2][first:last], inputs[k + 3][first:last]
+    return (
+        inputs[k][first:last],
+        inputs[k + 1][first:last],
+        inputs[k + 2][first:last],
+        inputs[k + 3][first:last],
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=_REORDER)

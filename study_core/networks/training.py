@@ -105,7 +105,9 @@ def train(
     packed, linear_weights = starts.packed, starts.linear_weights.copy()
     run = _continued if config.procedure == "continued" else _independent
     losses = []
-    for curve in run(_trainer(config, starts.kernel_shape, lesson[:n_training]), packed, linear_weights, n_threads):
+    for curve in run(
+        _trainer(config, starts.kernel_shape, lesson[:n_training]), packed, linear_weights, n_threads
+    ):
         losses.append(curve)
         on_progress(len(losses) / config.n_trials)
     networks = starts.unpacked(packed, linear_weights)

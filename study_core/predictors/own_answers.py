@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,10 +32,14 @@ class OwnAnswers:
     people: Mapping[str, PersonModel]
 
     @classmethod
-    def of(cls, name: str, seed: int, learn: Learn, people: Mapping[str, Training]) -> OwnAnswers:
-        """Learns each person, with a random stream of their own."""
-        known = {person: learn(stream(seed, name, "person", person), people[person]) for person in people}
-        return cls(name, learn, known)
+    def of(
+        cls, name: str, seed: int, learn: Learn, people: Mapping[str, Training], n_threads: int = 1
+    ) -> OwnAnswers:
+        """Learns each person, with a random stream of their own; so the number of threads changes nothing."""
+        rngs = [stream(seed, name, "person", person) for person in people]
+        with ThreadPoolExecutor(n_threads) as pool:
+            models = pool.map(learn, rngs, people.values())
+            return cls(name, learn, dict(zip(people, models, strict=True)))
 
     def with_person(self, seed: int, training: Training) -> PersonModel:
         """Returns what is known about somebody from their own answers."""

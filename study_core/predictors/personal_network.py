@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
-from study_core.domain import Domain
+from study_core.domain import Domain, domain_named
 from study_core.errors import TooFewAnswersError
 from study_core.networks.checkpoint import Checkpoint, Lineage
 from study_core.networks.config import NetworkConfig
@@ -24,6 +24,12 @@ from study_core.predictors.own_answers import OwnAnswers, hand_coded_diffs
 from study_core.predictors.predictor import Pairs, Training
 
 FEWEST_ANSWERS = 10
+
+PUBLISHED_CODE = NetworkConfig(procedure="continued")
+"""What made the paper's numbers. The paper's text has independent trials, which learn less of the same answers."""
+
+# A network may be certain to the last bit; what a predictor says is not.
+_LEAST_PROBABILITY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -46,30 +52,27 @@ class NetworkModel:
 
     def probability_of_a(self, pairs: Pairs) -> Float[np.ndarray, " n"]:
         """Returns the mean of the networks' probabilities: one of them is right, and nobody knows which."""
-        # A network may be certain to the last bit; the contract's probabilities are not.
         mean = self.members_probability_of_a(pairs).mean(axis=0)
-        return np.clip(mean, _SMALLEST, 1.0 - _SMALLEST)
+        return mean.clip(_LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
 
 
-_SMALLEST = 1e-12
-
-
-@dataclass(frozen=True)
 class PersonalNetwork:
-    """Hand-coded features and one learned by a network, trained as in the paper on each person's own answers.
+    """Hand-coded features and one learned by a network, trained as published on each person's own answers.
 
     Of 40 trials the 5 that predict the last 30 % of the answers best are kept. Somebody with fewer than
     `FEWEST_ANSWERS` can't be trained on: `fit` refuses, and `with_person` returns the calibrated posterior of the
     hand-coded features, which without any answers is the prior predictive.
 
     Attributes:
-        config: The networks and their training; the published procedure unless told.
-        n_threads: Threads that share the trials; the result doesn't depend on it.
+        name: `personal-network`, or `personal-network-independent` where the trials are, as the paper's text has it.
+        config: The networks and their training; the published code's unless told.
+        n_threads: Threads that share the people.
     """
 
-    config: NetworkConfig = NetworkConfig()
-    n_threads: int = 1
-    name = "personal-network"
+    def __init__(self, config: NetworkConfig = PUBLISHED_CODE, n_threads: int = 1) -> None:
+        self.name = "personal-network" + ("" if config.procedure == "continued" else "-independent")
+        self.config = config
+        self.n_threads = n_threads
 
     def fit(self, seed: int, domain: Domain, people: Mapping[str, Training]) -> OwnAnswers:
         """Trains each person's networks.
@@ -78,14 +81,14 @@ class PersonalNetwork:
             TooFewAnswersError: Somebody has given fewer than `FEWEST_ANSWERS`.
         """
         require_answers(self.name, people)
-        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people)
+        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people, self.n_threads)
 
     def _learn(
         self, rng: np.random.Generator, training: Training, domain: Domain
     ) -> NetworkModel | PosteriorModel:
         if len(training) < FEWEST_ANSWERS:
             return learn_posterior(rng, training, domain)
-        return train_networks(rng, domain, self.config, training, self.n_threads)
+        return train_networks(rng, domain, self.config, training)
 
 
 def train_networks(
@@ -103,7 +106,7 @@ def train_networks(
         domain: Whose trajectories were compared.
         config: What is trained, and how.
         training: The person's answers.
-        n_threads: Threads that share the trials; the result doesn't depend on it.
+        n_threads: Threads that share independent trials; the result doesn't depend on it.
         on_progress: Is told the share of the trials that are done.
 
     Raises:
@@ -114,6 +117,29 @@ def train_networks(
     lesson = Lesson(examples(domain, config, training.pairs), training.signs, weights)
     trials = train(rng, config, lesson, n_threads, on_progress)
     return NetworkModel(domain, config, trials.networks[best_trials(trials, config.n_selected)])
+
+
+def checkpoint_of(model: NetworkModel, training: Training, seed: int) -> Checkpoint:
+    """Returns what can be stored of a model, with the answers, configuration and code that it comes from."""
+    answers = (training.pairs.states_a, training.pairs.states_b, training.signs)
+    lineage = Lineage(
+        answers_digest=hashlib.sha256(b"".join(part.tobytes() for part in answers)).hexdigest(),
+        config_digest=model.config.digest,
+        domain_id=model.domain.id,
+        versions=(f"prefstudy-{version('prefstudy')}", VERSION),
+        seed=seed,
+    )
+    return Checkpoint(model.networks, model.config, lineage)
+
+
+def model_of(checkpoint: Checkpoint) -> NetworkModel:
+    """Returns the model of a checkpoint.
+
+    Raises:
+        UnknownNameError: Its domain isn't there.
+    """
+    domain = domain_named(checkpoint.lineage.domain_id)
+    return NetworkModel(domain, checkpoint.config, checkpoint.networks)
 
 
 def examples(

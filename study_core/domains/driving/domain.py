@@ -27,7 +27,7 @@ The rich features, these four among them, have a sheet of their own in `rich_fea
 | --- | --- | --- |
 | x, heading, speed | | of the state |
 | distance | [0, inf) | to the human car's centre |
-| time_gap | [-5, 5] s | (y - y_h) / (v - v_h), made safe where the speeds are equal; above 0 the cars part, below 0 they approach |
+| time_gap | [-5, 5] s | (y - y_h) / (v - v_h), damped near equal speeds; above 0 the cars part, below they approach |
 
 The first four are the paper's; it tried the fifth as well.
 
