@@ -28,7 +28,7 @@ from study_core.predictors.registry import all_predictors
 from study_core.predictors.shared_network import SharedNetwork
 from study_core.queries import infer_posterior, propose_active_query
 
-STORED, NETWORK = HandCodedStored.name, PersonalNetwork.name
+STORED, NETWORK = HandCodedStored().name, PersonalNetwork().name
 REWARDS = {STORED: "hand-coded features", NETWORK: "with a learned feature"}
 SEARCHES = ("best of 10,000 candidates", "found by the optimiser")
 QUERY_METHODS = ("information-gain", "heuristic", "information-gain-realistic")
