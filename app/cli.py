@@ -117,7 +117,7 @@ def simulate(
         int, typer.Option(min=0, help="Seed of the people: who they are and how they answer.")
     ] = 0,
     rationality: Annotated[
-        float | None, typer.Option(min=1e-9, help="Their beta; the study's own unless told.")
+        float | None, typer.Option(min=1e-6, max=1e6, help="Their beta; the study's own unless told.")
     ] = None,
     lapse_rate: Annotated[
         float | None,
@@ -127,10 +127,13 @@ def simulate(
     ] = None,
     drift: Annotated[
         float,
-        typer.Option(min=0.0, help="Angle in radians by which their taste moves at every query (r.m.s.)."),
+        typer.Option(
+            min=0.0, max=3.15, help="Angle in radians by which their taste moves at every query (r.m.s.)."
+        ),
     ] = 0.0,
     side_bias: Annotated[
-        float, typer.Option(help="What is added to their log-odds of A, whatever is shown.")
+        float,
+        typer.Option(min=-100.0, max=100.0, help="What is added to their log-odds of A, whatever is shown."),
     ] = 0.0,
     unsure_rate: Annotated[
         float,
@@ -181,8 +184,8 @@ def export(
     out: Annotated[Path, typer.Argument(help="A new folder.")],
     format_: Annotated[Literal["csv", "jsonl"], typer.Option("--format", help="One file a table.")] = "csv",
     people: Annotated[
-        Literal["joined", "rehearsed", "imported", "all"], typer.Option(help="Whose sessions.")
-    ] = "joined",
+        Literal["real", "rehearsed", "imported", "all"], typer.Option(help="Whose sessions.")
+    ] = "real",
     database: DatabaseOption = DEFAULT_DATABASE,
 ) -> None:
     """Write people, queries, answers, posteriors and events as tidy tables, with the study files."""

@@ -42,16 +42,17 @@ def _kind_of_setting(value: object) -> str:
 
 
 Rationality = Annotated[
-    Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["inferred", "evidence"], Tag("word")],
+    Annotated[float, Field(ge=1e-6, le=1e6), Tag("number")]
+    | Annotated[Literal["inferred", "evidence"], Tag("word")],
     Discriminator(_kind_of_setting),
 ]
 LapseRate = Annotated[
-    Annotated[float, Field(ge=0, lt=1), Tag("number")]
+    Annotated[float, Field(ge=0, le=0.999), Tag("number")]
     | Annotated[Literal["inferred", "evidence"], Tag("word")],
     Discriminator(_kind_of_setting),
 ]
 TieThreshold = Annotated[
-    Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["inferred"], Tag("word")],
+    Annotated[float, Field(ge=1e-3, le=50), Tag("number")] | Annotated[Literal["inferred"], Tag("word")],
     Discriminator(_kind_of_setting),
 ]
 
@@ -71,9 +72,11 @@ class TextSection(_Section):
 class ProtocolSection(_Section):
     """How many queries."""
 
-    active_queries: int = Field(ge=1, description="Queries chosen by what the answers so far leave open.")
+    active_queries: int = Field(
+        ge=1, le=10_000, description="Queries chosen by what the answers so far leave open."
+    )
     test_queries: int = Field(
-        ge=0, description="Common queries, the same for everyone, kept out of the posterior."
+        ge=0, le=10_000, description="Common queries, the same for everyone, kept out of the posterior."
     )
 
     @property
@@ -153,8 +156,12 @@ class SamplerSection(_Section):
     samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
     chains: int = Field(4, ge=2, le=16)
     warmup: int = Field(200, ge=50, description="Draws of each warm-up stage for each coordinate.")
-    draws: int = Field(750, ge=100, description="Draws of each chain, if the diagnostics are satisfied.")
-    most_draws: int = Field(12_000, description="Draws of each chain after which an update ends in any case.")
+    draws: int = Field(
+        750, ge=100, le=1_000_000, description="Draws of each chain, if the diagnostics are satisfied."
+    )
+    most_draws: int = Field(
+        12_000, le=1_000_000, description="Draws of each chain after which an update ends in any case."
+    )
 
     @model_validator(mode="after")
     def _has_enough_draws(self) -> SamplerSection:

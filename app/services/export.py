@@ -15,7 +15,7 @@ from study_core.domain import Domain
 from study_core.queries import Imported, Provenance
 from study_core.study import Study, parse_study
 
-People = Literal["joined", "rehearsed", "imported", "all"]
+People = Literal["real", "rehearsed", "imported", "all"]
 
 # A table's rows have the same columns, whether a query was computed here or imported.
 _NO_PROVENANCE: Row = {
@@ -36,7 +36,7 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
         store: Where the answers are.
         folder: Must not exist, or be empty.
         form: `csv`, where lists become numbered or named columns, or `jsonl`.
-        people: Those who joined here, rehearsed or imported ones, or all.
+        people: Real ones, who joined here, rehearsed or imported ones, or all.
         on_person: Called after each person.
 
     Returns:

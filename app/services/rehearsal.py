@@ -162,6 +162,8 @@ def _rows(
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
                 "method": prepared.proposed.provenance.method,
+                "visible_difference": prepared.proposed.provenance.visible_difference,
+                "are_distinct": prepared.proposed.provenance.are_distinct,
                 "choice": given.choice.value,
                 "probability": likely[given.choice],
                 "probability_of": {choice.value: value for choice, value in likely.items()},

@@ -165,14 +165,25 @@ def _read_export(folder: Path) -> Iterator[Script]:
             f"{folder} holds no people.jsonl. Give a directory that `export --format jsonl` wrote."
         )
     _refuse_imported(folder, people)
+    if not people.stat().st_size:
+        raise ScriptError(f"{people} holds nobody, so there is nothing to replay. Export again.")
     logs: dict[str, list[Json]] = {}
     for _, row in _json_lines(folder / "events.jsonl"):
         logs.setdefault(row["person_id"], []).append(row)
     for _, person in _json_lines(people):
-        text = (folder / "studies" / f"{person['study_hash']}.toml").read_text(encoding="utf-8")
-        yield _exported_script(
-            folder, person["person_id"], parse_study(text), logs.get(person["person_id"], [])
-        )
+        study = _exported_study(folder, person["study_hash"])
+        yield _exported_script(folder, person["person_id"], study, logs.get(person["person_id"], []))
+
+
+def _exported_study(folder: Path, study_hash: str) -> Study:
+    path = folder / "studies" / f"{study_hash}.toml"
+    try:
+        study = parse_study(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ScriptError(f"Can't read {path}: {error.strerror}. Export again.") from error
+    if study.hash != study_hash:
+        raise ScriptError(f"{path} was changed after the export: its hash is {study.hash}. Export again.")
+    return study
 
 
 def _refuse_imported(folder: Path, people: Path) -> None:
@@ -180,7 +191,7 @@ def _refuse_imported(folder: Path, people: Path) -> None:
     if imported:
         raise ScriptError(
             f"{folder}: expected queries that prefstudy chose, but another program chose those of {len(imported)} "
-            f"imported people, such as {imported[0]}. Export again with --people joined or --people rehearsed."
+            f"imported people, such as {imported[0]}. Export again with --people real or --people rehearsed."
         )
 
 

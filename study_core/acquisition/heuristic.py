@@ -20,7 +20,7 @@ from study_core.acquisition.sample_pairs import rank_sample_pairs
 
 def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> RankedWeights:
     """Returns the best pairs by the paper's objective; see `study_core.acquisition.pairs.RankFn`."""
-    samples, logs = situation.posterior.samples, situation.posterior.log_likelihoods
+    samples, logs = situation.posterior.samples, situation.posterior.log_densities
 
     def score(i: Int[np.ndarray, " n"], j: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         apart = np.linalg.norm(samples[i] - samples[j], axis=1)

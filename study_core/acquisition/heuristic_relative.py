@@ -21,7 +21,7 @@ def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> 
     """Returns the best pairs by the relative objective; see `study_core.acquisition.pairs.RankFn`."""
     samples = situation.posterior.samples
     directions = samples / np.linalg.norm(samples, axis=1, keepdims=True)
-    logs = situation.posterior.log_likelihoods - situation.posterior.log_likelihoods.max()
+    logs = situation.posterior.log_densities - situation.posterior.log_densities.max()
 
     def score(i: Int[np.ndarray, " n"], j: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         apart = np.linalg.norm(directions[i] - directions[j], axis=1)

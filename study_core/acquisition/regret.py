@@ -22,7 +22,7 @@ def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> 
     # rewards[i, j] is what w_i makes of the best drive for w_j.
     rewards = posterior.samples @ bank.features[drives].T
     regrets = rewards.diagonal()[:, None] - rewards
-    likely = np.exp(posterior.log_likelihoods - posterior.log_likelihoods.max())
+    likely = np.exp(posterior.log_densities - posterior.log_densities.max())
     first, second = np.triu_indices(len(drives), k=1)
     scores = (likely[:, None] * likely * (regrets + regrets.T))[first, second]
     best = np.argsort(-scores, kind="stable")

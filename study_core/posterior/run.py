@@ -43,14 +43,15 @@ class Posterior:
     Attributes:
         samples: Evenly thinned draws of w, shape `(n_samples, n_features)`.
         parameters: The response model's parameters; row i belongs to `samples[i]`.
-        log_likelihoods: log p(answers | sample) of each, shape `(n_samples,)`.
+        log_densities: Log posterior density of each, up to a constant: the likelihood, times the prior of the
+            inferred parameters on the scale on which it is normal; that of w is uniform. Shape `(n_samples,)`.
         mean: Mean of w over all draws, shape `(n_features,)`.
         diagnostics: Of all draws, not of the thinned ones: of each weight, then of each inferred parameter.
     """
 
     samples: Float[np.ndarray, "n_samples n_features"]
     parameters: ResponseParameters
-    log_likelihoods: Float[np.ndarray, " n_samples"]
+    log_densities: Float[np.ndarray, " n_samples"]
     mean: Float[np.ndarray, " n_features"]
     diagnostics: Diagnostics
 
@@ -94,10 +95,11 @@ def _diagnose(target: Target, chains: Chains) -> Diagnostics:
 def _summarise(target: Target, chains: Chains, diagnostics: Diagnostics, n_samples: int) -> Posterior:
     flat = chains.points.reshape(-1, target.n_coordinates)
     kept = flat[np.linspace(0, len(flat) - 1, n_samples).round().astype(np.int64)]
+    inferred = kept[:, target.prior.n_coordinates :]
     return Posterior(
         samples=target.weights(kept),
         parameters=target.parameters(kept),
-        log_likelihoods=target.log_densities(kept)[1],
+        log_densities=target.log_densities(kept)[1] - 0.5 * (inferred**2).sum(axis=1),
         mean=target.weights(flat).mean(axis=0),
         diagnostics=diagnostics,
     )

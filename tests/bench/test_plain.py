@@ -60,7 +60,7 @@ def test_the_plain_pair_is_the_heuristics_first(study, comparisons):
     )
     situation = Situation(study.domain, posterior, bank=None, mu=0.1, min_difference=0.0)
     ranked = heuristic.rank_pairs(np.random.default_rng(4), situation, 1)
-    pair = plain.best_pair(posterior.samples.tolist(), posterior.log_likelihoods.tolist(), 0.1)
+    pair = plain.best_pair(posterior.samples.tolist(), posterior.log_densities.tolist(), 0.1)
     assert np.array_equal(posterior.samples[list(pair)], ranked.weights[0])
 
 

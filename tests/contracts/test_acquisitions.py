@@ -80,12 +80,12 @@ def test_one_pair_is_the_first_of_many(name, bank):
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_is_repeatable_and_leaves_what_it_is_given_alone(name, bank):
     situation = situation_of(inferred(3), bank)
-    before = situation.posterior.samples.copy(), situation.posterior.log_likelihoods.copy()
+    before = situation.posterior.samples.copy(), situation.posterior.log_densities.copy()
     first, second = (METHODS[name].rank_pairs(np.random.default_rng(3), situation, 11) for _ in range(2))
     for field in fields(first):
         np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
     np.testing.assert_array_equal(situation.posterior.samples, before[0])
-    np.testing.assert_array_equal(situation.posterior.log_likelihoods, before[1])
+    np.testing.assert_array_equal(situation.posterior.log_densities, before[1])
 
 
 @pytest.mark.parametrize("name", METHODS)

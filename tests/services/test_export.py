@@ -85,7 +85,7 @@ def test_posteriors_name_what_was_inferred_and_say_whether_to_trust_it(tmp_path:
     with wiring.headless(f"sqlite:///{tmp_path / 'inferred.db'}") as runtime:
         _, record = services.join(runtime, parse_study(text))
         services.answer(runtime, record.id, 0, "a", 1234)
-        export(runtime.store, tmp_path / "out", "jsonl", "joined", lambda: None)
+        export(runtime.store, tmp_path / "out", "jsonl", "real", lambda: None)
     first, second = rows(tmp_path / "out" / "posteriors.jsonl")
     for row in (first, second):
         assert list(row["r_hat"]) == ["lane", "speed", "heading", "collision", "rationality"]  # type: ignore[call-overload]
@@ -116,7 +116,7 @@ def test_csv_holds_the_same_rows_with_a_column_a_number(
 
 def test_rehearsed_people_are_left_out_unless_asked_for(database: str, tmp_path: Path) -> None:
     with open_store(database) as store:
-        assert export(store, tmp_path / "joined", "csv", "joined", lambda: None) == 1
+        assert export(store, tmp_path / "joined", "csv", "real", lambda: None) == 1
         assert export(store, tmp_path / "rehearsed", "csv", "rehearsed", lambda: None) == 2
 
 
@@ -127,7 +127,7 @@ def test_an_export_never_overwrites(database: str, exported: Path) -> None:
 
 def test_an_export_of_nobody_says_so(store: Store, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="anybody who was joined"):
-        export(store, tmp_path / "out", "csv", "joined", lambda: None)
+        export(store, tmp_path / "out", "csv", "real", lambda: None)
     assert not (tmp_path / "out").exists()
 
 

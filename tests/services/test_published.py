@@ -109,7 +109,7 @@ def test_an_export_holds_imported_people_beside_our_own(
         services.answer(runtime, record.id, 0, "a", 1234)
         for form in ("jsonl", "csv"):
             assert export(runtime.store, tmp_path / form, form, "all", lambda: None) == 4  # type: ignore[arg-type]
-        assert export(runtime.store, tmp_path / "ours", "csv", "joined", lambda: None) == 1
+        assert export(runtime.store, tmp_path / "ours", "csv", "real", lambda: None) == 1
         assert export(runtime.store, tmp_path / "theirs", "csv", "imported", lambda: None) == 3
     people = rows(tmp_path / "jsonl" / "people.jsonl")
     assert [row["source"] for row in people] == ["imported"] * 3 + ["joined"]

@@ -57,7 +57,7 @@ def same_proposal(first, second):
 def test_the_posterior_of_a_participant_is_derived_again_to_the_bit():
     first, second = (infer_posterior(STUDY, 3, 7, some_answers(7)) for _ in range(2))
     np.testing.assert_array_equal(first.samples, second.samples)
-    np.testing.assert_array_equal(first.log_likelihoods, second.log_likelihoods)
+    np.testing.assert_array_equal(first.log_densities, second.log_densities)
     np.testing.assert_array_equal(first.mean, second.mean)
 
 

@@ -28,7 +28,7 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
                 client.post(home + "answer", json=body)
         database = server.database
     with open_store(database) as store:
-        export(store, tmp_path / "out", "jsonl", "joined", lambda: None)
+        export(store, tmp_path / "out", "jsonl", "real", lambda: None)
     with wiring.headless() as runtime:
         (script,) = read_scripts(tmp_path / "out")
         summary = replay(runtime, script)

@@ -12,11 +12,11 @@ from study_core.posterior.run import Posterior
 NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
-def posterior_of(samples, rationality=100.0, lapse_rate=0.1, tie_threshold=0.0, log_likelihoods=None):
+def posterior_of(samples, rationality=100.0, lapse_rate=0.1, tie_threshold=0.0, log_densities=None):
     """A posterior with the given samples; each parameter is one number, or one for each sample."""
     n = len(samples)
     columns = (np.broadcast_to(value, n).astype(float) for value in (rationality, lapse_rate, tie_threshold))
-    logs = np.zeros(n) if log_likelihoods is None else np.array(log_likelihoods)
+    logs = np.zeros(n) if log_densities is None else np.array(log_densities)
     return Posterior(samples, ResponseParameters(*columns), logs, samples.mean(axis=0), NONE)
 
 

@@ -15,9 +15,9 @@ from study_core.posterior.run import Posterior
 NONE = Diagnostics(np.ones(4), np.ones(4), np.ones(4), 0.3, 4000)
 
 
-def posterior_of(samples, log_likelihoods):
+def posterior_of(samples, log_densities):
     return Posterior(
-        samples, ResponseParameters.constant(len(samples), 50.0), log_likelihoods, samples.mean(axis=0), NONE
+        samples, ResponseParameters.constant(len(samples), 50.0), log_densities, samples.mean(axis=0), NONE
     )
 
 
@@ -32,11 +32,11 @@ def rows_of(samples, ranked):
     ]
 
 
-def brute_force(samples, log_likelihoods, mu):
+def brute_force(samples, log_densities, mu):
     """Every pair with its exact score, best first."""
     with localcontext() as context:
         context.prec = 50
-        densities = [Decimal(float(value)).exp() for value in log_likelihoods]
+        densities = [Decimal(float(value)).exp() for value in log_densities]
         rows = [[Decimal(float(value)) for value in row] for row in samples]
         scored = []
         for i in range(len(rows)):
@@ -59,9 +59,9 @@ CASES = {
 @pytest.mark.parametrize("mu", [0.01, 0.1, 2.0])
 def test_the_ranking_is_what_exact_arithmetic_gives(case, mu):
     rng = np.random.default_rng(len(case))
-    samples, log_likelihoods = np.abs(rng.normal(0, 0.5, (25, 4))), CASES[case](rng)
-    expected = brute_force(samples, log_likelihoods, mu)
-    ranked = rank_pairs(rng, posterior_of(samples, log_likelihoods), mu, 300)
+    samples, log_densities = np.abs(rng.normal(0, 0.5, (25, 4))), CASES[case](rng)
+    expected = brute_force(samples, log_densities, mu)
+    ranked = rank_pairs(rng, posterior_of(samples, log_densities), mu, 300)
     assert rows_of(samples, ranked) == [pair for _, pair in expected]
     np.testing.assert_allclose(ranked.scores, [float(score) for score, _ in expected], rtol=1e-13)
 
@@ -76,15 +76,15 @@ def test_before_the_first_answer_the_two_samples_farthest_apart_are_asked_about(
 def test_likely_samples_are_preferred_to_unlikely_ones():
     """What the published code got wrong: the product of two log-likelihoods is largest for the unlikely."""
     samples = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.01], [0.01, 1.0]])
-    log_likelihoods = np.array([-0.1, -0.1, -5.0, -5.0])
-    ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_likelihoods), 0.1, 6)
+    log_densities = np.array([-0.1, -0.1, -5.0, -5.0])
+    ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_densities), 0.1, 6)
     assert rows_of(samples, ranked)[0] == (0, 1)
 
 
 def test_without_a_weight_for_distance_the_two_likeliest_samples_win():
     samples = np.random.default_rng(3).random((10, 4))
-    log_likelihoods = -np.arange(10.0)[::-1]
-    ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_likelihoods), 0.0, 1)
+    log_densities = -np.arange(10.0)[::-1]
+    ranked = rank_pairs(np.random.default_rng(0), posterior_of(samples, log_densities), 0.0, 1)
     assert rows_of(samples, ranked) == [(8, 9)]
 
 

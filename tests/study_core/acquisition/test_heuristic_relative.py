@@ -24,9 +24,7 @@ def test_the_ranking_is_that_of_a_double_loop(scale):
     rng = np.random.default_rng(4)
     samples, logs = rng.random((20, 4)), -400.0 - scale * rng.exponential(size=20)
     expected = brute_force(samples, logs, 0.1)
-    ranked = heuristic_relative.rank_pairs(
-        rng, situation_of(posterior_of(samples, log_likelihoods=logs)), 190
-    )
+    ranked = heuristic_relative.rank_pairs(rng, situation_of(posterior_of(samples, log_densities=logs)), 190)
     order = sorted(expected, key=lambda pair: -expected[pair])
     np.testing.assert_allclose(ranked.scores, [expected[pair] for pair in order], rtol=1e-12)
     np.testing.assert_array_equal(ranked.weights[0], samples[list(order[0])])
@@ -34,7 +32,7 @@ def test_the_ranking_is_that_of_a_double_loop(scale):
 
 def test_after_many_answers_the_likely_samples_still_count():
     samples = np.array([[0.9, 0.1], [0.1, 0.9], [0.7, 0.3], [0.4, 0.6]])
-    situation = situation_of(posterior_of(samples, log_likelihoods=[-900.0, -900.0, -800.0, -800.0]))
+    situation = situation_of(posterior_of(samples, log_densities=[-900.0, -900.0, -800.0, -800.0]))
     relative = heuristic_relative.rank_pairs(np.random.default_rng(0), situation, 1)
     papers = heuristic.rank_pairs(np.random.default_rng(0), situation, 1)
     np.testing.assert_array_equal(relative.weights[0], samples[[2, 3]])

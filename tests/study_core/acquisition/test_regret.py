@@ -12,15 +12,15 @@ SAMPLES = np.abs(RNG.normal(size=(30, 4)))
 BANK = bank_of(RNG.normal(size=(12, 4)), np.arange(12.0))
 
 
-def brute_force(log_likelihoods):
+def brute_force(log_densities):
     """Returns the best score of each pair of drives."""
-    best, most_likely = {}, max(log_likelihoods)
+    best, most_likely = {}, max(log_densities)
     drives = [max(range(12), key=lambda row: float(BANK.features[row] @ w)) for w in SAMPLES]
     for i in range(30):
         for j in range(i + 1, 30):
             apart = BANK.features[drives[i]] - BANK.features[drives[j]]
             regret = float(SAMPLES[i] @ apart) - float(SAMPLES[j] @ apart)
-            likely = math.exp(log_likelihoods[i] + log_likelihoods[j] - 2.0 * most_likely)
+            likely = math.exp(log_densities[i] + log_densities[j] - 2.0 * most_likely)
             pair = tuple(sorted((drives[i], drives[j])))
             best[pair] = max(best.get(pair, 0.0), likely * regret)
     return best
@@ -29,7 +29,7 @@ def brute_force(log_likelihoods):
 def test_the_ranking_is_that_of_a_double_loop():
     logs = -500.0 - np.random.default_rng(4).exponential(2.0, 30)
     ranked = rank_pairs(
-        np.random.default_rng(0), situation_of(posterior_of(SAMPLES, log_likelihoods=logs), BANK), 5
+        np.random.default_rng(0), situation_of(posterior_of(SAMPLES, log_densities=logs), BANK), 5
     )
     expected = brute_force(logs)
     assert rows_of(BANK, ranked) == sorted(expected, key=lambda pair: -expected[pair])[:5]
@@ -49,6 +49,6 @@ def test_unlikely_samples_have_little_say():
     likely = [0, int(np.flatnonzero(drives != drives[0])[0])]
     logs[likely] = -1.0
     ranked = rank_pairs(
-        np.random.default_rng(0), situation_of(posterior_of(SAMPLES, log_likelihoods=logs), BANK), 1
+        np.random.default_rng(0), situation_of(posterior_of(SAMPLES, log_densities=logs), BANK), 1
     )
     assert rows_of(BANK, ranked) == [tuple(sorted(drives[likely].tolist()))]

@@ -77,7 +77,7 @@ def test_the_samples_carry_their_own_log_likelihoods():
         rows.lapse_rate,
         rows.tie_threshold,
     )
-    np.testing.assert_allclose(posterior.log_likelihoods, expected, rtol=1e-10)
+    np.testing.assert_allclose(posterior.log_densities, expected, rtol=1e-10)
 
 
 def test_fixed_parameters_are_constant_columns():
@@ -195,4 +195,4 @@ def test_every_sample_lies_in_the_support(support):
 
 def test_without_answers_every_log_likelihood_is_zero():
     posterior = infer(np.random.default_rng(3), PRIOR, MODEL, ComparisonSet.empty(4), ONE_ROUND)
-    np.testing.assert_allclose(posterior.log_likelihoods, 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(posterior.log_densities, 0.0, rtol=0, atol=1e-12)
