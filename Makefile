@@ -29,10 +29,11 @@ check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but 
 check-slow: .venv/bench.stamp chromium ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
 
-bench: .venv/bench.stamp ## Measure queries, drives, posterior and server beside their alternatives; prints JSON
+bench: .venv/bench.stamp ## Measure queries, drives, posterior, training and server beside their alternatives; prints JSON
 	$(BIN)/prefstudy bench query --json
 	$(BIN)/prefstudy bench trajectories --json
 	$(BIN)/prefstudy bench posterior --json
+	$(BIN)/prefstudy bench training --json
 	$(BIN)/prefstudy bench serve --json
 
 format: .venv/dev.stamp ## Format, and mend what the linter can mend

@@ -271,6 +271,15 @@ def bench_serve(
         _print_result(serve_bench.run(seed, people, answers, progress), json_)
 
 
+@bench.command("training")
+def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
+    """Time to train the feature networks of a person and of a study, against the plain loop in torch."""
+    from app.bench import training
+
+    with _progress() as progress:
+        _print_result(training.run(seed, progress), json_)
+
+
 @bench.command("published")
 def bench_published(
     data: Annotated[

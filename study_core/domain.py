@@ -26,7 +26,7 @@ class Domain(Protocol):
     Attributes:
         id: Name with a version, e.g. `driving-v1`; changed numbers are a new id, so old sessions replay.
         feature_names: Names of the hand-coded features, higher is better, length `n_features`.
-        network_input_names: Names of the per-step inputs of a feature network.
+        network_input_names: Names of all per-step inputs that a feature network may have; its configuration chooses.
         control_lower: Lower bound of each control, shape `(n_controls,)`.
         control_upper: Upper bound of each control, shape `(n_controls,)`.
     """
@@ -48,7 +48,10 @@ class Domain(Protocol):
     def network_inputs(
         self, states: Float[np.ndarray, "n n_steps n_states"]
     ) -> Float[np.ndarray, "n n_steps n_inputs"]:
-        """Returns what a feature network sees at each step."""
+        """Returns what a feature network may see at each step, in the order of `network_input_names`.
+
+        Networks take the numbers as they are: finite for any drive within the bounds, and of a size around 1.
+        """
         ...
 
     def reward_and_gradient(

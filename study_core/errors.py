@@ -50,3 +50,11 @@ class ScriptError(StudyCoreError):
 
 class TooFewAnswersError(StudyCoreError):
     """Fewer answers than a predictor can learn from."""
+
+
+class NetworkError(StudyCoreError):
+    """A feature network that can't be configured or trained."""
+
+
+class CheckpointError(StudyCoreError):
+    """A stored network that can't be read."""

@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from study_core.choice import ResponseModel
-from study_core.comparison import Choice, ComparisonSet
+from study_core.comparison import ComparisonSet
 from study_core.evaluation.metrics import accuracy
 from study_core.posterior.prior import Prior, Support
-from study_core.posterior.run import Posterior, SamplerSettings, infer
+from study_core.posterior.run import Posterior, infer
+from study_core.predictors.hand_coded import CALIBRATED_RESPONSE, SETTINGS
 from study_core.published import PublishedPerson
 from study_core.streams import stream
 
@@ -25,11 +26,9 @@ MODELS: dict[str, tuple[Support, ResponseModel]] = {
     "beta 200": ("ball", ResponseModel("sigmoid", 200.0)),
     "beta 200, lapse 0.1, sphere": ("sphere", ResponseModel("sigmoid", 200.0, 0.1)),
     "by evidence, sphere": ("sphere", ResponseModel("sigmoid", "evidence", "evidence")),
-    "inferred, sphere": ("sphere", ResponseModel("sigmoid", "inferred", "inferred")),
+    "inferred, sphere": ("sphere", CALIBRATED_RESPONSE),
 }
 """What is compared: the paper's model at several rationalities, and models that learn each person's own."""
-
-SETTINGS = SamplerSettings(n_chains=4, n_warmup=200, n_draws=750, most_draws=12_000, n_samples=1000)
 
 
 @dataclass(frozen=True)
@@ -66,10 +65,8 @@ def stored_accuracy(person: PublishedPerson) -> float:
 
 
 def _log_loss(posterior: Posterior, answers: ComparisonSet) -> float:
-    reward_diffs = posterior.samples @ answers.preferred_diffs.T
     # By symmetry, what was preferred is called A.
-    likely = posterior.parameters.probability_of(Choice.A, reward_diffs).mean(axis=0)
-    return float(-np.log(likely).mean())
+    return float(-np.log(posterior.probability_of_a(answers.preferred_diffs)).mean())
 
 
 def bootstrap_interval(

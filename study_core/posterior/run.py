@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from study_core.choice import ResponseModel, ResponseParameters
-from study_core.comparison import ComparisonSet
+from study_core.comparison import Choice, ComparisonSet
 from study_core.posterior.annealing import learn_from_draws, learn_proposal
 from study_core.posterior.diagnostics import Diagnostics, diagnose
 from study_core.posterior.evidence import choose_by_evidence
@@ -53,6 +53,11 @@ class Posterior:
     log_likelihoods: Float[np.ndarray, " n_samples"]
     mean: Float[np.ndarray, " n_features"]
     diagnostics: Diagnostics
+
+    def probability_of_a(self, feature_diffs: Float[np.ndarray, "n n_features"]) -> Float[np.ndarray, " n"]:
+        """Returns the posterior predictive probability of A for each psi: the mean over the samples."""
+        reward_diffs = self.samples @ feature_diffs.T
+        return self.parameters.probability_of(Choice.A, reward_diffs).mean(axis=0)
 
 
 def infer(

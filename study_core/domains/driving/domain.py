@@ -21,8 +21,17 @@ Data sheet:
 | heading | [-1, 1] | sin(theta) |
 | collision | [-1, 0) | -exp(-(7 (x - x_h)^2 + 3 (y - y_h)^2)) |
 
+| network input | range | meaning, at each step |
+| --- | --- | --- |
+| x, heading, speed | | of the state |
+| distance | [0, inf) | to the human car's centre |
+| time_gap | [-5, 5] s | (y - y_h) / (v - v_h), damped near equal speeds; above 0 the cars part, below they approach |
+
+The first four are the paper's; it tried the fifth as well.
+
 Start: robot [0, -0.3, pi/2, 0.4]; the human car starts right and changes to the middle lane, in every drive alike.
-Horizon: 50 steps of 0.1 s; the recorded states are those after each step. Version history: v1, as published.
+Horizon: 50 steps of 0.1 s; the recorded states are those after each step. Version history: v1, as published;
+the time gap came later and changed no number of what was there.
 """
 
 from __future__ import annotations
@@ -54,8 +63,8 @@ class Driving:
         """Returns lane, speed, heading and collision."""
         return features.features(states)
 
-    def network_inputs(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 50 4"]:
-        """Returns [x, d, theta, v] at each step."""
+    def network_inputs(self, states: Float[np.ndarray, "n 50 4"]) -> Float[np.ndarray, "n 50 5"]:
+        """Returns [x, d, theta, v, time gap] at each step."""
         return features.network_inputs(states)
 
     def reward_and_gradient(

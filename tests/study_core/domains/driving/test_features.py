@@ -41,17 +41,46 @@ def test_features_stay_in_the_ranges_of_the_data_sheet():
     assert (features[:, 3] < 0).all()
 
 
-def test_network_inputs_are_x_distance_heading_and_speed():
+def time_gap(y, v, human):
+    """The paper's quotient, damped by a tenth of the unit of speed and kept within the drive's five seconds."""
+    dy, dv = y - human[1], v - human[3]
+    return max(-5.0, min(5.0, dy * dv / (dv * dv + 0.01)))
+
+
+def test_network_inputs_are_x_distance_heading_speed_and_time_gap():
     states = DRIVING_V1.rollout(random_controls(5, 3))
     expected = [
         [
-            [x, math.dist((x, y), human[:2]), theta, v]
+            [x, math.dist((x, y), human[:2]), theta, v, time_gap(y, v, human)]
             for (x, y, theta, v), human in zip(path, references.HUMAN_STATES, strict=True)
         ]
         for path in states
     ]
     np.testing.assert_allclose(DRIVING_V1.network_inputs(states), expected, rtol=0, atol=1e-12)
-    assert DRIVING_V1.network_input_names == ("x", "distance", "heading", "speed")
+    assert DRIVING_V1.network_input_names == ("x", "distance", "heading", "speed", "time_gap")
+
+
+def with_human(dy, dv):
+    """A path beside the human car: so far ahead of it, so much faster."""
+    states = np.array(references.HUMAN_STATES)[None]
+    return states + np.array([0.0, dy, 0.0, dv])
+
+
+@pytest.mark.parametrize("dy", [0.0, 0.3, -2.0, 1e-9])
+def test_at_equal_speeds_the_time_gap_is_zero_and_not_infinite(dy):
+    gaps = DRIVING_V1.network_inputs(with_human(dy, 0.0))[0, :, 4]
+    np.testing.assert_allclose(gaps, 0.0, rtol=0, atol=1e-12)
+
+
+def test_a_time_gap_is_almost_the_papers_where_that_is_a_matter_of_the_drive():
+    gaps = DRIVING_V1.network_inputs(with_human(0.9, 0.6))[0, :, 4]
+    np.testing.assert_allclose(gaps, 0.9 / 0.6, rtol=0.03)
+    assert (DRIVING_V1.network_inputs(with_human(-0.9, 0.6))[0, :, 4] < 0.0).all()
+
+
+@given(dy=st.floats(-50.0, 50.0), dv=st.floats(-5.0, 5.0))
+def test_no_time_gap_is_longer_than_the_drive(dy, dv):
+    assert (np.abs(DRIVING_V1.network_inputs(with_human(dy, dv))[0, :, 4]) <= 5.0).all()
 
 
 # Each feature alone, so that a small term can't hide behind a large one, and mixtures of either sign.
