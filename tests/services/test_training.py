@@ -13,8 +13,10 @@ from time import monotonic, sleep
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from app import wiring
+from app.cli import cli
 from app.engine.on_demand import InlineEngine
 from app.services import study as services
 from app.services.people import person
@@ -225,6 +227,18 @@ def test_models_are_trained_in_other_processes_as_well(
     for session_id in imported:
         weights = np.frombuffer(arrived(store, session_id))
         np.testing.assert_allclose(weights, expected_weights(store, session_id), rtol=1e-9)
+
+
+def test_the_command_trains_whoever_lacks_a_model(
+    database_url: str, imported: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(wiring, "TRAINING_METHOD", METHOD)
+    command = ["train", "--database", database_url, "--workers", "1", "--study", "katz2021-published"]
+    said = [CliRunner().invoke(cli, command).stdout for _ in range(2)]
+    assert "Trained the models of 2 people of katz2021-published." in said[0]
+    assert "Nobody of katz2021-published lacks a model." in said[1]
+    monkeypatch.setattr(wiring, "TRAINING_METHOD", None)
+    assert isinstance(CliRunner().invoke(cli, command).exception, TrainingError)
 
 
 def request_of(store: Store, session_id: str) -> TrainingRequest:
