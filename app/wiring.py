@@ -24,17 +24,15 @@ from app.errors import AppError
 from app.services import study as services
 from app.services.continuation import Engine
 from app.services.runtime import Runtime
-from app.services.training import Trainer, TrainingError, TrainingMethod
+from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
 from app.stage.stage import Picture
 from app.store import open_store, serve_lock
+from app.training import PERSONAL_NETWORK
 from app.web.changes import Changes
 from app.web.site import SiteParts, create_site
 from study_core.study import Study
-
-# What is learned from everyone who finishes; None until there is a predictor to train.
-TRAINING_METHOD: TrainingMethod | None = None
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -87,15 +85,14 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
             settings.n_workers,
             settings.scheduler,
             partial(warm_up, settings.study.text),
-            n_training_workers=0 if TRAINING_METHOD is None else 1,
+            n_training_workers=1,
         )
         stack.callback(engine.close)
-        trainer = None if TRAINING_METHOD is None else Trainer(store, engine, TRAINING_METHOD)
+        trainer = Trainer(store, engine, PERSONAL_NETWORK)
+        stack.callback(trainer.close)
         parts = _parts(settings, Runtime(store, engine, continue_session, test_set, trainer=trainer))
         parts.runtime.open_study(settings.study)
-        if trainer is not None:
-            stack.callback(trainer.close)
-            trainer.begin_missing(settings.study.name)
+        trainer.begin_missing(settings.study.name)
         link = _join_link(settings, listener)
         _favour_latency()
         server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.close)
@@ -158,19 +155,16 @@ def training(database: str, n_workers: int, scheduler: str | None = None) -> Ite
         scheduler: Address of a running Dask scheduler instead.
 
     Raises:
-        TrainingError: This version trains nothing.
         StoreError: The database can't be used.
         EngineError: The engine doesn't start.
     """
-    if TRAINING_METHOD is None:
-        raise TrainingError("This version of prefstudy has no predictor to train.")
     with ExitStack() as stack:
         store = stack.enter_context(open_store(database))
         engine: Engine = InlineEngine()
         if n_workers > 1 or scheduler is not None:
             engine = own = DaskEngine(0, scheduler, n_training_workers=n_workers)
             stack.callback(own.close)
-        trainer = Trainer(store, engine, TRAINING_METHOD)
+        trainer = Trainer(store, engine, PERSONAL_NETWORK)
         stack.callback(trainer.close)
         yield trainer
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 from app.errors import AppError
 from app.services.table import Format, Row, Table
-from app.store import EventRecord, PosteriorRecord, SessionRecord, Store
+from app.store import EventRecord, PosteriorRecord, SessionRecord, Source, Store
 from study_core.domain import Domain
 from study_core.queries import Imported, Provenance
 from study_core.study import Study, parse_study
@@ -23,6 +23,9 @@ _NO_PROVENANCE: Row = {
     "method": Imported.method,
     "has_converged": [None, None],
 }
+
+
+_SOURCES = {"real": Source.JOINED, "rehearsed": Source.REHEARSED, "imported": Source.IMPORTED}
 
 
 class ExportError(AppError):
@@ -47,8 +50,8 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
     """
     sessions = [record for record in store.sessions() if _is_wanted(record, people)]
     if not sessions:
-        whom = "anybody" if people == "all" else f"anybody who was {people}"
-        raise ExportError(f"Expected {whom} to export, found nobody. Has anyone begun? Try --people all.")
+        whom, hint = ("anybody", "") if people == "all" else (f"{people} people", " Try --people all.")
+        raise ExportError(f"Expected {whom} to export, found nobody. Has anyone begun?{hint}")
     _make_empty(folder)
     with ExitStack() as stack:
         tables: dict[str, Table] = {}
@@ -67,7 +70,7 @@ def export(store: Store, folder: Path, form: Format, people: People, on_person: 
 
 
 def _is_wanted(record: SessionRecord, people: People) -> bool:
-    return people in ("all", record.source)
+    return people == "all" or record.source is _SOURCES[people]
 
 
 def _make_empty(folder: Path) -> None:

@@ -18,7 +18,7 @@ from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
-from study_core.queries import infer_posterior
+from study_core.queries import Provenance, infer_posterior
 from study_core.session import QueryPrepared
 from study_core.streams import stream
 from study_core.study import Study
@@ -153,7 +153,8 @@ def _rows(
     for prepared, given, person, mean in zip(
         live.state.prepared, live.state.answers, asked, means, strict=True
     ):
-        query = prepared.proposed.query
+        query, provenance = prepared.proposed.query, prepared.proposed.provenance
+        assert isinstance(provenance, Provenance), "simulated people are asked what we chose"
         likely = person.probabilities(query)
         rows.append(
             {
@@ -161,9 +162,9 @@ def _rows(
                 "participant": live.state.participant,
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
-                "method": prepared.proposed.provenance.method,
-                "visible_difference": prepared.proposed.provenance.visible_difference,
-                "are_distinct": prepared.proposed.provenance.are_distinct,
+                "method": provenance.method,
+                "visible_difference": provenance.visible_difference,
+                "are_distinct": provenance.are_distinct,
                 "choice": given.choice.value,
                 "probability": likely[given.choice],
                 "probability_of": {choice.value: value for choice, value in likely.items()},

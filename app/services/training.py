@@ -76,12 +76,14 @@ class TrainingMethod:
         kind: What the models are called in the store.
         version: Version of `train`.
         settings: JSON: what may be set in it.
+        fewest_answers: Nothing is learned from somebody with fewer active answers.
         train: Trains a model.
     """
 
     kind: str
     version: str
     settings: Mapping[str, Any]
+    fewest_answers: int
     train: TrainFn
 
 
@@ -151,7 +153,7 @@ class Trainer:
         self._in_background(self._begin_all, study_name)
 
     def missing(self, study_name: str | None = None) -> list[SessionRecord]:
-        """Returns everyone who has finished and has no model, or one of other answers, settings or version.
+        """Returns whoever can be learned from and has no model, or one of other answers, settings or version.
 
         Args:
             study_name: The study; None for all.
@@ -210,6 +212,8 @@ class Trainer:
         if record.source is Source.REHEARSED or not is_finished(self._store, record):
             return None
         known, method = person(self._store, record), self._method
+        if len(known.training) < method.fewest_answers:
+            return None
         assert known.participant is not None, "whoever has finished has begun"
         request = TrainingRequest(
             method.kind,

@@ -131,7 +131,7 @@ def test_an_export_holds_imported_people_beside_our_own(
 def test_an_export_with_imported_people_is_not_replayed(store: Store, folder: Path, tmp_path: Path) -> None:
     imported(store, folder)
     export(store, tmp_path / "out", "jsonl", "all", lambda: None)
-    with pytest.raises(ScriptError, match=r"3 imported people.* --people joined") as refused:
+    with pytest.raises(ScriptError, match=r"3 imported people.* --people real") as refused:
         list(read_scripts(tmp_path / "out"))
     assert "\n" not in str(refused.value)
 

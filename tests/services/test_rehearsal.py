@@ -93,7 +93,9 @@ def test_somebody_who_cannot_tell_teaches_nothing() -> None:
     )
     (rehearsal,) = rehearsed(study, Crowd(10, 1, Habits(unsure_rate=1.0)))
     assert [row["choice"] for row in rehearsal.rows] == ["unsure"] * 5
-    assert len({tuple(row["posterior_mean"].values()) for row in rehearsal.rows}) == 1
+    means = np.array([list(row["posterior_mean"].values()) for row in rehearsal.rows])
+    # The prior's, drawn anew for each query.
+    assert np.ptp(means, axis=0).max() < 0.06
     assert rehearsal.summary["test_accuracy"] is None
 
 

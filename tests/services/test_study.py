@@ -122,7 +122,7 @@ def test_an_answer_that_the_study_does_not_offer_is_refused(runtime: Runtime) ->
     assert runtime.live(record.id).state.answers == ()
 
 
-def test_an_answer_that_says_nothing_counts_as_answered_and_leaves_the_posterior_alone(
+def test_an_answer_that_says_nothing_counts_as_answered_and_leaves_what_is_known_alone(
     runtime: Runtime,
 ) -> None:
     study = with_skip()
@@ -133,10 +133,12 @@ def test_an_answer_that_says_nothing_counts_as_answered_and_leaves_the_posterior
     live = runtime.live(record.id)
     assert [given.choice for given in live.state.answers] == [Choice.UNSURE, Choice.A, Choice.SKIP]
     assert live.state.comparisons.signs.tolist() == [1.0]
-    first, second, third, fourth = runtime.store.posteriors(record.id)
-    np.testing.assert_array_equal(first.samples, second.samples)
-    np.testing.assert_array_equal(third.samples, fourth.samples)
-    assert not np.array_equal(second.samples, third.samples)
+    first, second, third, fourth = (one.mean for one in runtime.store.posteriors(record.id))
+    # Drawn anew, so that a method that compares samples doesn't ask the same again; alike within Monte Carlo error.
+    np.testing.assert_allclose(first, second, rtol=0, atol=0.04)
+    np.testing.assert_allclose(third, fourth, rtol=0, atol=0.04)
+    assert not np.array_equal(first, second)
+    assert np.abs(second - third).max() > 0.08
 
 
 def test_answers_that_say_nothing_share_one_computation_ahead(runtime: Runtime) -> None:

@@ -25,7 +25,10 @@ from app.services.runtime import Runtime
 from app.services.training import Trainer, TrainingError, TrainingMethod, TrainingRequest
 from app.settings import find_study
 from app.store import Store, open_store
+from app.training import PERSONAL_NETWORK
 from study_core.domain import domain_named
+from study_core.networks.checkpoint import from_bytes
+from study_core.predictors.personal_network import PersonalNetwork, model_of
 from tests.services.test_people import spoil_test_answers
 from tests.support.published import write_person
 
@@ -48,7 +51,7 @@ def refuse_five(request: TrainingRequest) -> bytes:
     return fit_weights(request)
 
 
-METHOD = TrainingMethod("weights", "ridge-1", {"ridge": 0.1}, fit_weights)
+METHOD = TrainingMethod("weights", "ridge-1", {"ridge": 0.1}, 1, fit_weights)
 
 
 @pytest.fixture
@@ -218,27 +221,43 @@ def test_one_who_cannot_be_learned_from_does_not_keep_the_others_from_it(
     assert store.personal_model(imported[1], "weights") is not None
 
 
-def test_models_are_trained_in_other_processes_as_well(
-    store: Store, database_url: str, imported: list[str], monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def talkative(store: Store, tmp_path: Path) -> list[str]:
+    """Two people who have answered enough for networks, and one who hasn't; the session ids of the two."""
+    for number, n_active in ((3, 14), (4, 12), (6, 9)):
+        write_person(tmp_path, number, n_active=n_active)
+    people = read_people(tmp_path, lambda done, total: None)
+    return [str(import_person(store, someone).session_id) for someone in people][:2]
+
+
+def assert_networks_are_the_predictor_s(store: Store, session_id: str) -> None:
+    known = person(store, store.session(session_id))
+    record = store.personal_model(session_id, PERSONAL_NETWORK.kind)
+    assert record is not None
+    name = str(known.participant)
+    fitted = PersonalNetwork().fit(known.study.seed, known.study.domain, {name: known.training})
+    np.testing.assert_array_equal(
+        model_of(from_bytes(record.content)).probability_of_a(known.training.pairs),
+        fitted.people[name].probability_of_a(known.training.pairs),
+    )
+
+
+def test_networks_are_trained_in_other_processes_as_the_predictor_trains_them(
+    store: Store, database_url: str, talkative: list[str]
 ) -> None:
-    monkeypatch.setattr(wiring, "TRAINING_METHOD", METHOD)
     with wiring.training(database_url, n_workers=2) as trainer:
-        trainer.train(trainer.missing(), lambda: None)
-    for session_id in imported:
-        weights = np.frombuffer(arrived(store, session_id))
-        np.testing.assert_allclose(weights, expected_weights(store, session_id), rtol=1e-9)
+        missing = trainer.missing()
+        assert [record.id for record in missing] == talkative
+        trainer.train(missing, lambda: None)
+    for session_id in talkative:
+        assert_networks_are_the_predictor_s(store, session_id)
 
 
-def test_the_command_trains_whoever_lacks_a_model(
-    database_url: str, imported: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(wiring, "TRAINING_METHOD", METHOD)
+def test_the_command_trains_whoever_lacks_a_model(database_url: str, talkative: list[str]) -> None:
     command = ["train", "--database", database_url, "--workers", "1", "--study", "katz2021-published"]
     said = [CliRunner().invoke(cli, command).stdout for _ in range(2)]
     assert "Trained the models of 2 people of katz2021-published." in said[0]
     assert "Nobody of katz2021-published lacks a model." in said[1]
-    monkeypatch.setattr(wiring, "TRAINING_METHOD", None)
-    assert isinstance(CliRunner().invoke(cli, command).exception, TrainingError)
 
 
 def request_of(store: Store, session_id: str) -> TrainingRequest:

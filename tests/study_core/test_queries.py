@@ -32,9 +32,9 @@ def some_answers(n):
     return ComparisonSet(rng.normal(0, 0.1, (n, 4)), rng.choice([-1.0, 1.0], n))
 
 
-def posterior_of(samples, log_likelihoods=None):
+def posterior_of(samples, log_densities=None):
     samples = np.array(samples)
-    logs = np.zeros(len(samples)) if log_likelihoods is None else np.array(log_likelihoods)
+    logs = np.zeros(len(samples)) if log_densities is None else np.array(log_densities)
     return Posterior(
         samples, ResponseParameters.constant(len(samples), 50.0), logs, samples.mean(axis=0), NONE
     )

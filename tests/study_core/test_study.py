@@ -166,7 +166,7 @@ MALFORMED = {
     "a negative seed": ({"seed": -1}, r"key 'seed': input should be greater than or equal to 0, got -1"),
     "no rationality": (
         {"response__rationality": 0.0},
-        r"key 'response\.rationality': input should be greater than 0, got 0\.0",
+        r"key 'response\.rationality': input should be greater than or equal to 0\.000001, got 0\.0",
     ),
     "infinite rationality": (
         {"response__rationality": "inf"},
@@ -183,7 +183,7 @@ MALFORMED = {
     ),
     "people who only guess": (
         {"response__lapse_rate": 1.0},
-        r"key 'response\.lapse_rate': input should be less than 1, got 1\.0",
+        r"key 'response\.lapse_rate': input should be less than or equal to 0\.999, got 1\.0",
     ),
     "a negative lapse rate": (
         {"response__lapse_rate": -0.1},
@@ -250,9 +250,17 @@ MALFORMED = {
         {"response__answers": ["a", "b", "same"], "response__tie_threshold": "evidence"},
         r"key 'response\.tie_threshold': input should be 'inferred', got 'evidence'",
     ),
+    "a threshold beyond what numbers hold": (
+        {"response__answers": ["a", "b", "same"], "response__tie_threshold": 800.0},
+        r"key 'response\.tie_threshold': input should be less than or equal to 50, got 800\.0",
+    ),
+    "more draws than a day has room for": (
+        {"sampler__most_draws": 1_000_000_000},
+        r"key 'sampler\.most_draws': input should be less than or equal to 1000000",
+    ),
     "a threshold of nothing": (
         {"response__answers": ["a", "b", "same"], "response__tie_threshold": 0},
-        r"key 'response\.tie_threshold': input should be greater than 0, got 0",
+        r"key 'response\.tie_threshold': input should be greater than or equal to 0\.001, got 0",
     ),
     "fewer draws at most than at least": (
         {"sampler__most_draws": 399},

@@ -3,8 +3,9 @@
 import arviz
 import numpy as np
 import pytest
+from scipy import stats
 
-from study_core.choice import ResponseModel
+from study_core.choice import PARAMETER_PRIORS, ResponseModel
 from study_core.comparison import ComparisonSet
 from study_core.posterior import run
 from study_core.posterior.annealing import learn_proposal
@@ -65,7 +66,7 @@ def test_the_samples_are_evenly_spaced_among_all_draws_with_their_own_parameters
         assert len(np.unique(getattr(expected, name))) > 1
 
 
-def test_the_samples_carry_their_own_log_likelihoods():
+def test_the_samples_carry_their_own_log_densities():
     comparisons = some_answers(12, with_ties=True)
     posterior = infer(np.random.default_rng(3), PRIOR, INFERRED, comparisons, ONE_ROUND)
     rows = posterior.parameters
@@ -77,7 +78,14 @@ def test_the_samples_carry_their_own_log_likelihoods():
         rows.lapse_rate,
         rows.tie_threshold,
     )
-    np.testing.assert_allclose(posterior.log_densities, expected, rtol=1e-10)
+    for name in INFERRED.inferred:
+        prior, values = PARAMETER_PRIORS[name], getattr(rows, name)
+        transformed = np.log(values / (1.0 - values)) if prior.transform == "logit" else np.log(values)
+        expected = (
+            expected + stats.norm(prior.location, prior.scale).logpdf(transformed) + np.log(prior.scale)
+        )
+    differences = posterior.log_densities - expected
+    np.testing.assert_allclose(differences, differences[0], rtol=0, atol=1e-8)
 
 
 def test_fixed_parameters_are_constant_columns():
