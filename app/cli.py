@@ -285,7 +285,7 @@ def evaluate(
     with _progress() as progress:
         shown = progress.add_task("predictors", total=findings.n_fits())
         comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
-    result = table.as_json(seed, evaluated, comparison, findings.test_h1(evaluated, comparison))
+    result = table.as_json(seed, evaluated, comparison, findings.accuracies(evaluated, comparison))
     if json_:
         print(json.dumps(result))
         return

@@ -48,6 +48,7 @@ class Findings:
         seed: Of everything random.
         evaluated: The people.
         comparison: All predictors.
+        accuracy: By predictor and person; see `accuracies`.
         trials: Of the personal network: accuracy of each selected trial, by person.
         h1: Whether the personal network predicts better than what the study stored; None for a single person.
         majority: How often each person answers as most others did; nobody who saw other queries.
@@ -60,6 +61,7 @@ class Findings:
     seed: int
     evaluated: Evaluated
     comparison: Comparison
+    accuracy: dict[str, dict[str, float]]
     trials: dict[str, list[float]]
     h1: PairedTest | None
     majority: Mapping[str, float]
@@ -100,6 +102,7 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
         on_step: Called after each of `n_steps`.
     """
     comparison = compare_all(seed, evaluated, n_threads, on_step)
+    accuracy = accuracies(evaluated, comparison)
     domain, first = evaluated.domain, evaluated.people[0]
     curves = {}
     if len(evaluated.people) > 1:
@@ -117,8 +120,9 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
         seed,
         evaluated,
         comparison,
+        accuracy,
         trial_accuracies(evaluated, comparison),
-        test_h1(evaluated, comparison),
+        test_h1(accuracy),
         majority_accuracy(evaluated.people),
         curves,
         wide_network,
@@ -150,13 +154,22 @@ def trial_accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, 
     }
 
 
-def test_h1(evaluated: Evaluated, comparison: Comparison) -> PairedTest | None:
-    """Tests H1 with the paper's accuracies; None for a single person."""
-    if len(evaluated.people) < 2:
-        return None
-    means = {name: float(np.mean(trials)) for name, trials in trial_accuracies(evaluated, comparison).items()}
-    stored = {name: one.accuracy for name, one in comparison.scores[STORED].items()}
-    return paired_test(means, stored)
+def accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, dict[str, float]]:
+    """Returns every accuracy, by predictor and person.
+
+    That of the personal network is the paper's: the mean over the selected trials, not that of their mean prediction.
+    """
+    known = {
+        name: {person: one.accuracy for person, one in of_people.items()}
+        for name, of_people in comparison.scores.items()
+    }
+    trials = trial_accuracies(evaluated, comparison)
+    return known | {NETWORK: {person: float(np.mean(values)) for person, values in trials.items()}}
+
+
+def test_h1(accuracy: Mapping[str, Mapping[str, float]]) -> PairedTest | None:
+    """Tests H1 with the accuracies of all predictors; None for a single person."""
+    return paired_test(accuracy[NETWORK], accuracy[STORED]) if len(accuracy[STORED]) > 1 else None
 
 
 def _newcomers() -> tuple[Predictor, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from app.report.findings import NETWORK, REWARDS, Findings, networks_of
+from app.report.findings import REWARDS, Findings, networks_of
 from app.report.page import Illustration
 from app.report.words import read_words
 from study_core.domains.driving import DRIVING_V1
@@ -74,22 +74,14 @@ def _queries(findings: Findings) -> Illustration:
 
 
 def _accuracies(findings: Findings) -> Illustration:
-    scores = findings.comparison.scores
-    accuracy = {name: {person: one.accuracy for person, one in of.items()} for name, of in scores.items()}
+    accuracy = findings.accuracy
     means = {name: mean_over_people(findings.seed, list(of.values())) for name, of in accuracy.items()}
     return _illustration(
         findings,
         "accuracies",
         figure=accuracies.draw(accuracy, findings.trials, means),
-        columns=("person", *accuracy, f"{NETWORK}: mean of trials"),
-        rows=[
-            (
-                person.name,
-                *(of[person.name] for of in accuracy.values()),
-                float(np.mean(findings.trials[person.name])),
-            )
-            for person in findings.people
-        ],
+        columns=("person", *accuracy),
+        rows=[(person.name, *(of[person.name] for of in accuracy.values())) for person in findings.people],
     )
 
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from app.report.findings import test_h1
 from app.services.evaluation import Evaluated
 from study_core.evaluation.comparison import Comparison
-from study_core.evaluation.hypotheses import PairedTest
 from study_core.evaluation.intervals import mean_over_people
 
 _PLACES = 4
 
 
-def as_json(seed: int, evaluated: Evaluated, comparison: Comparison, h1: PairedTest | None) -> dict[str, Any]:
+def as_json(
+    seed: int, evaluated: Evaluated, comparison: Comparison, accuracy: Mapping[str, Mapping[str, float]]
+) -> dict[str, Any]:
     """Returns all scores.
+
+    Args:
+        seed: Of the resampling.
+        evaluated: The people.
+        comparison: All predictors.
+        accuracy: By predictor and person; see `findings.accuracies`.
 
     Returns:
         `recommended`, chosen by `validation_log_loss`, which no test answer has a part in; `people`: accuracy by
@@ -24,14 +33,11 @@ def as_json(seed: int, evaluated: Evaluated, comparison: Comparison, h1: PairedT
         `log_loss`, and `expected_accuracy`, what the predictor itself expects; `h1`; who was `left_out`, and why.
     """
     scores, names = comparison.scores, [person.name for person in evaluated.people]
-    means = {
-        name: mean_over_people(seed, [one.accuracy for one in of.values()]) for name, of in scores.items()
-    }
+    means = {name: mean_over_people(seed, list(of.values())) for name, of in accuracy.items()}
+    h1 = test_h1(accuracy)
     return {
         "recommended": comparison.recommended,
-        "people": {
-            person: {name: _rounded(of[person].accuracy) for name, of in scores.items()} for person in names
-        },
+        "people": {person: {name: _rounded(of[person]) for name, of in accuracy.items()} for person in names},
         "mean": {name: _rounded(mean.value) for name, mean in means.items()},
         "interval": {name: [_rounded(mean.low), _rounded(mean.high)] for name, mean in means.items()},
         "log_loss": {name: _mean([one.log_loss for one in of.values()]) for name, of in scores.items()},
