@@ -1,0 +1,63 @@
+"""Whole evaluations and reports of a few made-up people, by the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import cli
+from study_core.predictors.registry import all_predictors
+from tests.support.published import write_person
+
+PREDICTORS = {predictor.name for predictor in all_predictors(1)}
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("published")
+    for number, n_active in ((1, 16), (2, 14), (6, 5)):
+        write_person(folder, number, n_active=n_active, n_test=12)
+    url = f"sqlite:///{folder / 'people.db'}"
+    assert CliRunner().invoke(cli, ["import", str(folder), "--database", url]).exit_code == 0
+    return url
+
+
+def test_an_evaluation_prints_every_predictor_for_every_person(database: str) -> None:
+    done = CliRunner().invoke(cli, ["evaluate", "--database", database, "--json"])
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert set(result["people"]) == {"1", "2"}
+    assert all(set(of_person) == PREDICTORS for of_person in result["people"].values())
+    for key in ("mean", "interval", "log_loss", "expected_accuracy", "validation_log_loss"):
+        assert set(result[key]) == PREDICTORS
+    losses = result["validation_log_loss"]
+    assert result["recommended"] == min(losses, key=losses.get)
+    assert result["mean"]["hierarchical"] == pytest.approx(
+        sum(of_person["hierarchical"] for of_person in result["people"].values()) / 2, abs=1e-3
+    )
+    assert result["left_out"] == ["Person 6 has 5 active answers that prefer a side; 10 are needed."]
+    assert "Person 6 has 5" in done.stderr
+
+
+def test_a_report_shows_every_figure_and_overwrites_nothing(database: str, tmp_path: Path) -> None:
+    out = tmp_path / "report.html"
+    done = CliRunner().invoke(cli, ["report", str(out), "--database", database])
+    assert done.exit_code == 0, done.output
+    page = out.read_text(encoding="utf-8")
+    assert page.count("<svg ") == 10
+    assert all(name in page for name in PREDICTORS)
+    assert "answers (SHA-256)" in page
+    assert "Person 6 has 5 active answers" in page
+    again = CliRunner().invoke(cli, ["report", str(out), "--database", database])
+    assert "Name a new file" in str(again.exception)
+    assert out.read_text(encoding="utf-8") == page
+
+
+def test_a_report_of_nobody_leaves_no_file(tmp_path: Path) -> None:
+    out, url = tmp_path / "report.html", f"sqlite:///{tmp_path / 'empty.db'}"
+    done = CliRunner().invoke(cli, ["report", str(out), "--database", url])
+    assert "Import or finish some sessions first" in str(done.exception)
+    assert not out.exists()
