@@ -22,7 +22,7 @@ from study_core.streams import stream
 def train_personal_network(request: TrainingRequest) -> bytes:
     """Returns the networks of one person as a checkpoint."""
     config = NetworkConfig.from_json(json.dumps(request.settings))
-    rng = stream(request.seed, request.kind, "person", request.participant)
+    rng = stream(request.seed, request.kind, "person", str(request.participant))
     model = train_networks(rng, domain_named(request.domain_id), config, request.training)
     return to_bytes(checkpoint_of(model, request.training, request.seed))
 
