@@ -15,6 +15,7 @@ from study_core.evaluation.learned import FeatureFn
 # Steps at which the other car is looked at, spread over its drive.
 MOMENTS = (4, 14, 24, 34, 44)
 _SPEED, _HEADING = 1.0, 0.5 * np.pi
+_LABEL_BOX = {"facecolor": INK, "alpha": 0.6, "edgecolor": "none", "pad": 2}
 _ACROSS, _ALONG = np.linspace(-0.4, 0.4, 61), np.linspace(-0.6, 2.6, 161)
 
 
@@ -51,8 +52,8 @@ def draw(domain: Domain, maps: Float[np.ndarray, "n_moments n_along n_across"]) 
             )
         )
         axes.set_yticks([])
-        axes.set_ylabel(
-            f"{(moment + 1) / 10:.1f} s", rotation=0, ha="right", va="center", fontsize=9, color=INK
+        axes.text(
+            0.01, 0.82, f"{(moment + 1) / 10:.1f} s", transform=axes.transAxes, fontsize=9, color="white"
         )
         axes.tick_params(labelsize=8, length=2, colors=INK)
         axes.spines[:].set_visible(False)
