@@ -16,11 +16,9 @@ from app.services.people import is_finished, person
 from app.store import Source, Store
 from study_core.domain import Domain
 from study_core.evaluation.people import Person
+from study_core.predictors.personal_network import FEWEST_ANSWERS
 from study_core.published_session import PARTICIPANT_PREFIX
 from study_core.study import Study, parse_study
-
-FEWEST_ANSWERS = 10
-"""Active answers that a person needs to be evaluated: with fewer, no network can be trained and validated."""
 
 
 class NobodyToEvaluateError(AppError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,9 +14,9 @@ from study_core.networks.config import NetworkConfig
 from study_core.networks.model import Networks
 from study_core.networks.training import Lesson, train
 from study_core.posterior.run import Posterior
-from study_core.predictors.hand_coded import PosteriorModel, learn_posterior
+from study_core.predictors.hand_coded import learn_posterior
 from study_core.predictors.own_answers import OwnAnswers, hand_coded_diffs
-from study_core.predictors.personal_network import FEWEST_ANSWERS, examples, require_answers
+from study_core.predictors.personal_network import examples, learn_by_networks
 from study_core.predictors.predictor import Pairs, Training
 
 CONFIG = NetworkConfig(has_hand_coded=False, n_trials=8, n_selected=8, training_share=1.0, weight_decay=0.3)
@@ -77,16 +76,12 @@ class PersonalCalibrated:
         Raises:
             TooFewAnswersError: Somebody has given fewer than `FEWEST_ANSWERS`.
         """
-        require_answers(self.name, people)
-        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people, self.n_threads)
 
-    def _learn(
-        self, rng: np.random.Generator, training: Training, domain: Domain
-    ) -> CalibratedNetworkModel | PosteriorModel:
-        if len(training) < FEWEST_ANSWERS:
-            return learn_posterior(rng, training, domain)
-        losses = self.cross_validated_losses(rng, domain, training)
-        return self._fit_all(rng, domain, training, SHARES[int(losses.argmin())])
+        def learn(rng: np.random.Generator, training: Training) -> CalibratedNetworkModel:
+            losses = self.cross_validated_losses(rng, domain, training)
+            return self._fit_all(rng, domain, training, SHARES[int(losses.argmin())])
+
+        return learn_by_networks(self.name, seed, domain, learn, people, self.n_threads)
 
     def cross_validated_losses(
         self, rng: np.random.Generator, domain: Domain, training: Training

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from importlib.metadata import version
 
 import numpy as np
@@ -19,9 +18,9 @@ from study_core.networks.config import NetworkConfig
 from study_core.networks.model import Examples, Networks
 from study_core.networks.selection import best_trials
 from study_core.networks.training import VERSION, Lesson, OnProgress, train
-from study_core.predictors.hand_coded import PosteriorModel, learn_posterior, posterior_mean
-from study_core.predictors.own_answers import OwnAnswers, hand_coded_diffs
-from study_core.predictors.predictor import Pairs, Training
+from study_core.predictors.hand_coded import learn_posterior, posterior_mean
+from study_core.predictors.own_answers import Learn, OwnAnswers, hand_coded_diffs
+from study_core.predictors.predictor import Pairs, PersonModel, Training
 
 FEWEST_ANSWERS = 10
 
@@ -80,15 +79,37 @@ class PersonalNetwork:
         Raises:
             TooFewAnswersError: Somebody has given fewer than `FEWEST_ANSWERS`.
         """
-        require_answers(self.name, people)
-        return OwnAnswers.of(self.name, seed, partial(self._learn, domain=domain), people, self.n_threads)
 
-    def _learn(
-        self, rng: np.random.Generator, training: Training, domain: Domain
-    ) -> NetworkModel | PosteriorModel:
+        def learn(rng: np.random.Generator, training: Training) -> NetworkModel:
+            return train_networks(rng, domain, self.config, training)
+
+        return learn_by_networks(self.name, seed, domain, learn, people, self.n_threads)
+
+
+def learn_by_networks(
+    name: str, seed: int, domain: Domain, learn: Learn, people: Mapping[str, Training], n_threads: int
+) -> OwnAnswers:
+    """Learns each person by networks, and somebody new with fewer than `FEWEST_ANSWERS` by the calibrated posterior.
+
+    Args:
+        name: The predictor's.
+        seed: Names the random streams, together with the predictor's and the person's name.
+        domain: Whose trajectories were compared.
+        learn: Trains networks; of somebody with enough answers.
+        people: Whom to learn, by name.
+        n_threads: Threads that share the people.
+
+    Raises:
+        TooFewAnswersError: One of the people has given fewer than `FEWEST_ANSWERS`.
+    """
+    _require_answers(name, people)
+
+    def learn_enough(rng: np.random.Generator, training: Training) -> PersonModel:
         if len(training) < FEWEST_ANSWERS:
             return learn_posterior(rng, training, domain)
-        return train_networks(rng, domain, self.config, training)
+        return learn(rng, training)
+
+    return OwnAnswers.of(name, seed, learn_enough, people, n_threads)
 
 
 def train_networks(
@@ -155,7 +176,7 @@ def examples(
     )
 
 
-def require_answers(name: str, people: Mapping[str, Training]) -> None:
+def _require_answers(name: str, people: Mapping[str, Training]) -> None:
     """Checks that everybody has answered enough for a network.
 
     Raises:
