@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from app.stage import paint
 from app.stage.framing import Framing, Layout, Placement, frame, half_centres, half_extents
@@ -63,7 +63,7 @@ class _Remembered:
         return value
 
 
-_encoded = _Remembered(capacity=64)
+_encoded = _Remembered(capacity=256)
 
 
 def duration_s(a: Scene, b: Scene) -> float:
@@ -180,21 +180,29 @@ def _cut(corners: Float[np.ndarray, "n 3 3"], room: Float[np.ndarray, "n 3"]) ->
         corners: Triangles.
         room: How far each corner is from the edge, negative beyond it; linear on a triangle.
     """
-    n_inside = (room >= 0).sum(axis=1)
-    pieces = [corners[n_inside == 3]]
-    for triangle, distances in zip(corners[(n_inside % 3) > 0], room[(n_inside % 3) > 0], strict=True):
-        polygon = []
-        for i in range(3):
-            here, there = triangle[i], triangle[(i + 1) % 3]
-            d_here, d_there = distances[i], distances[(i + 1) % 3]
-            if d_here >= 0:
-                polygon.append(here)
-            if (d_here >= 0) != (d_there >= 0):
-                polygon.append(here + (there - here) * d_here / (d_here - d_there))
-        pieces.append(
-            np.array([[polygon[0], polygon[i], polygon[i + 1]] for i in range(1, len(polygon) - 1)])
-        )
-    return np.concatenate(pieces)
+    is_inside = room >= 0
+    n_inside = is_inside.sum(axis=1)
+    is_cut = (n_inside % 3) > 0
+    polygons, is_there = _polygons(corners[is_cut], room[is_cut], is_inside[is_cut])
+    is_triangle = n_inside[is_cut] == 1
+    triangles = polygons[is_triangle][is_there[is_triangle]].reshape(-1, 3, 3)
+    quads = polygons[~is_triangle][is_there[~is_triangle]].reshape(-1, 4, 3)
+    pieces = np.concatenate([triangles, quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    # In the order of the triangles that they come from.
+    origin = np.concatenate([np.flatnonzero(is_triangle), *[np.flatnonzero(~is_triangle)] * 2])
+    return np.concatenate([corners[n_inside == 3], pieces[np.argsort(origin, kind="stable")]])
+
+
+def _polygons(
+    corners: Float[np.ndarray, "n 3 3"], room: Float[np.ndarray, "n 3"], is_inside: Bool[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n 6 3"], Bool[np.ndarray, "n 6"]]:
+    """Returns each triangle's corners and where its sides are cut, in turn, and which of these bound what is left."""
+    following, room_there = np.roll(corners, -1, axis=1), np.roll(room, -1, axis=1)
+    is_crossed = is_inside != np.roll(is_inside, -1, axis=1)
+    drop = np.where(is_crossed, room - room_there, 1.0)[..., None]
+    cuts = corners + (following - corners) * room[..., None] / drop
+    polygons = np.stack([corners, cuts], axis=2).reshape(-1, 6, 3)
+    return polygons, np.stack([is_inside, is_crossed], axis=2).reshape(-1, 6)
 
 
 def _add_backdrop(ink: _Ink, colour: str, centre: Float[np.ndarray, " 3"], layout: Layout) -> None:
