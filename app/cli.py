@@ -285,7 +285,8 @@ def evaluate(
     with _progress() as progress:
         shown = progress.add_task("predictors", total=findings.n_fits())
         comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
-    result = table.as_json(seed, evaluated, comparison, findings.accuracies(evaluated, comparison))
+    trials = findings.trial_accuracies(evaluated, comparison)
+    result = table.as_json(seed, evaluated, comparison, findings.accuracies(comparison, trials))
     if json_:
         print(json.dumps(result))
         return

@@ -10,7 +10,8 @@ import numpy as np
 from rich.progress import Progress
 
 from app.bench.report import provenance
-from study_core.evaluation.hand_coded import MODELS, bootstrap_interval, predict, stored_accuracy
+from study_core.evaluation.hand_coded import MODELS, predict, stored_accuracy
+from study_core.evaluation.intervals import bootstrap_interval
 from study_core.published import read_study
 from study_core.streams import stream
 

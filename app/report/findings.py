@@ -50,7 +50,6 @@ class Findings:
         comparison: All predictors.
         accuracy: By predictor and person; see `accuracies`.
         trials: Of the personal network: accuracy of each selected trial, by person.
-        h1: Whether the personal network predicts better than what the study stored; None for a single person.
         majority: How often each person answers as most others did; nobody who saw other queries.
         curves: Scores by number of own answers, of predictors for somebody new; empty for a single person.
         wide_network: The first person's network with every input that the domain has.
@@ -63,7 +62,6 @@ class Findings:
     comparison: Comparison
     accuracy: dict[str, dict[str, float]]
     trials: dict[str, list[float]]
-    h1: PairedTest | None
     majority: Mapping[str, float]
     curves: dict[str, Curve]
     wide_network: NetworkModel
@@ -79,6 +77,11 @@ class Findings:
     def people(self) -> list[Person]:
         """Returns the people."""
         return self.evaluated.people
+
+    @property
+    def h1(self) -> PairedTest | None:
+        """Returns whether the personal network predicts better than what the study stored; None for one person."""
+        return test_h1(self.accuracy)
 
 
 def n_fits() -> int:
@@ -102,7 +105,7 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
         on_step: Called after each of `n_steps`.
     """
     comparison = compare_all(seed, evaluated, n_threads, on_step)
-    accuracy = accuracies(evaluated, comparison)
+    trials = trial_accuracies(evaluated, comparison)
     domain, first = evaluated.domain, evaluated.people[0]
     curves = {}
     if len(evaluated.people) > 1:
@@ -120,9 +123,8 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
         seed,
         evaluated,
         comparison,
-        accuracy,
-        trial_accuracies(evaluated, comparison),
-        test_h1(accuracy),
+        accuracies(comparison, trials),
+        trials,
         majority_accuracy(evaluated.people),
         curves,
         wide_network,
@@ -154,7 +156,7 @@ def trial_accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, 
     }
 
 
-def accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, dict[str, float]]:
+def accuracies(comparison: Comparison, trials: Mapping[str, list[float]]) -> dict[str, dict[str, float]]:
     """Returns every accuracy, by predictor and person.
 
     That of the personal network is the paper's: the mean over the selected trials, not that of their mean prediction.
@@ -163,7 +165,6 @@ def accuracies(evaluated: Evaluated, comparison: Comparison) -> dict[str, dict[s
         name: {person: one.accuracy for person, one in of_people.items()}
         for name, of_people in comparison.scores.items()
     }
-    trials = trial_accuracies(evaluated, comparison)
     return known | {NETWORK: {person: float(np.mean(values)) for person, values in trials.items()}}
 
 
@@ -210,10 +211,10 @@ def _next_queries(domain: Domain, person: Person) -> dict[str, Query]:
         return {}
     known = person.training.first(_ANSWERS_BEFORE_QUERY)
     diffs = domain.features(known.pairs.states_a) - domain.features(known.pairs.states_b)
+    posterior = infer_posterior(base, "report", len(known), ComparisonSet(diffs, known.signs))
     queries = {}
     for method in QUERY_METHODS:
         section = base.file.acquisition.model_copy(update={"method": method})
         study = replace(base, file=base.file.model_copy(update={"acquisition": section}))
-        posterior = infer_posterior(study, "report", len(known), ComparisonSet(diffs, known.signs))
         queries[method] = propose_active_query(study, "report", len(known), posterior).query
     return queries

@@ -149,9 +149,17 @@ def _versions(findings: Findings) -> dict[str, str]:
         **{name: version(name) for name in _PACKAGES},
         "domain": findings.domain.id,
         "seed": str(findings.seed),
-        **{f"study {study.name}": key for key, study in findings.evaluated.studies.items()},
+        **_study_hashes(findings),
         "answers (SHA-256)": digest.hexdigest(),
     }
+
+
+def _study_hashes(findings: Findings) -> dict[str, str]:
+    """Returns the hashes by study; people of one study may have had different numbers of queries."""
+    hashes: dict[str, list[str]] = {}
+    for key, study in sorted(findings.evaluated.studies.items()):
+        hashes.setdefault(f"study {study.name}", []).append(key)
+    return {name: " ".join(keys) for name, keys in hashes.items()}
 
 
 def _p(value: float | None) -> str:

@@ -18,7 +18,7 @@ from study_core.domain import Domain
 from study_core.evaluation.people import Person
 from study_core.predictors.personal_network import FEWEST_ANSWERS
 from study_core.published_session import PARTICIPANT_PREFIX
-from study_core.study import Study, parse_study
+from study_core.study import Study
 
 
 class NobodyToEvaluateError(AppError):
@@ -58,14 +58,14 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
     finished = [
         record for record in records if record.source is not Source.REHEARSED and is_finished(store, record)
     ]
-    studies = {record.study_hash: parse_study(store.study_text(record.study_hash)) for record in finished}
-    domains = {study.domain.id: study.domain for study in studies.values()}
+    known = [person(store, record) for record in finished]
+    domains = {one.study.domain.id: one.study.domain for one in known}
     if len(domains) > 1:
         raise NobodyToEvaluateError(
             f"Expected people of one domain, got {' and '.join(sorted(domains))}. Name one --study."
         )
-    known = [person(store, record) for record in finished]
     people, samples, left_out = [], {}, []
+    studies: dict[str, Study] = {}
     for record, name, one in zip(finished, _names(known), known, strict=True):
         found = Person(name, one.training, held_out(store, record))
         reason = _unfit(found)
@@ -73,6 +73,7 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
             left_out.append(reason)
             continue
         people.append(found)
+        studies[record.study_hash] = one.study
         posteriors = store.posteriors(record.id)
         if posteriors:
             samples[name] = posteriors[-1].samples

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from study_core.choice import ResponseModel
 from study_core.comparison import ComparisonSet
@@ -60,19 +59,10 @@ def predict(seed: int, name: str, person: PublishedPerson) -> Prediction:
 
 
 def stored_accuracy(person: PublishedPerson) -> float:
-    """Returns the accuracy of the posterior mean as the study stored it after all active queries."""
+    """Returns the accuracy of the posterior mean that the study stored last, before the last active answer."""
     return accuracy(person.posterior_samples[-1].mean(axis=0), person.test)
 
 
 def _log_loss(posterior: Posterior, answers: ComparisonSet) -> float:
     # By symmetry, what was preferred is called A.
     return float(-np.log(posterior.probability_of_a(answers.preferred_diffs)).mean())
-
-
-def bootstrap_interval(
-    rng: np.random.Generator, values: Float[np.ndarray, " n_people"], n_resamples: int = 20_000
-) -> tuple[float, float]:
-    """Returns the 95 % percentile interval of the mean over people, who are drawn anew with replacement."""
-    rows = rng.integers(len(values), size=(n_resamples, len(values)))
-    low, high = np.percentile(values[rows].mean(axis=1), [2.5, 97.5])
-    return float(low), float(high)

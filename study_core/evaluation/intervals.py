@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from study_core.streams import stream
-
-_N_RESAMPLES = 20_000
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,14 @@ def mean_over_people(seed: int, values: Sequence[float]) -> Mean:
         values: One for each person, at least one.
     """
     array = np.asarray(values, dtype=np.float64)
-    rows = stream(seed, "people-resampled").integers(len(array), size=(_N_RESAMPLES, len(array)))
-    low, high = np.percentile(array[rows].mean(axis=1), [2.5, 97.5])
-    return Mean(float(array.mean()), float(low), float(high))
+    low, high = bootstrap_interval(stream(seed, "people-resampled"), array)
+    return Mean(float(array.mean()), low, high)
+
+
+def bootstrap_interval(
+    rng: np.random.Generator, values: Float[np.ndarray, " n_people"], n_resamples: int = 20_000
+) -> tuple[float, float]:
+    """Returns the 95 % percentile interval of the mean over people, who are drawn anew with replacement."""
+    rows = rng.integers(len(values), size=(n_resamples, len(values)))
+    low, high = np.percentile(values[rows].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)

@@ -42,7 +42,7 @@ class Training:
     Attributes:
         pairs: What was compared, in the order it was asked; only answers that prefer one of the two are here.
         signs: +1 where A was preferred, -1 where B was, shape `(n,)`.
-        stored_mean: Posterior mean of w that the study kept after the last active answer, shape `(n_features,)`;
+        stored_mean: Mean of the last posterior of w that the study kept, shape `(n_features,)`;
             None where it kept none.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,8 @@ def test_a_report_shows_every_figure_and_overwrites_nothing(database: str, tmp_p
     assert page.count("<svg ") == 10
     assert all(name in page for name in PREDICTORS)
     assert "answers (SHA-256)" in page
+    # Two people with other numbers of queries had two studies of one name.
+    assert re.search(r"<dt>study katz2021-published</dt><dd>[0-9a-f]{64} [0-9a-f]{64}</dd>", page)
     assert "Person 6 has 5 active answers" in page
     again = CliRunner().invoke(cli, ["report", str(out), "--database", database])
     assert "Name a new file" in str(again.exception)

@@ -8,7 +8,8 @@ import pytest
 from study_core.choice import ResponseParameters
 from study_core.comparison import ComparisonSet
 from study_core.evaluation import hand_coded
-from study_core.evaluation.hand_coded import MODELS, bootstrap_interval, predict, stored_accuracy
+from study_core.evaluation.hand_coded import MODELS, predict, stored_accuracy
+from study_core.evaluation.intervals import bootstrap_interval
 from study_core.posterior.diagnostics import Diagnostics
 from study_core.posterior.run import Posterior, SamplerSettings
 from study_core.published import PublishedPerson
