@@ -22,7 +22,7 @@ CODE_VERSION = version("prefstudy")
 def continue_session(request: Request) -> Continuation:
     """Returns the next query of a session, ready to be shown."""
     started = time.perf_counter()
-    study = parse_study(request.study_text)
+    study = parse_study(request.study_text).knowing(request.knowledge)
     posterior = None
     if request.needs_posterior:
         posterior = infer_posterior(study, request.participant, request.query_index, request.comparisons)

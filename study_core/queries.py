@@ -32,7 +32,7 @@ _MOST_PAIRS_TRIED = 10
 
 @dataclass(frozen=True)
 class Provenance:
-    """Enough to derive a query again, bit for bit, and to say why it was asked.
+    """Enough to derive a query again, bit for bit, given the log before it, and to say why it was asked.
 
     Attributes:
         study_hash: Of the study file.
@@ -42,7 +42,8 @@ class Provenance:
             random weights from the prior took their place.
         versions: Ids of domain, sampler, optimiser and, for an active query, acquisition method.
         bank_digest: SHA-256 of the bank of local optima, if the study uses one.
-        weights_a: The w that trajectory A is best for, locally at least; None if the method optimises something else.
+        weights_a: The w that trajectory A is best for, locally at least, a learned feature's weight last; None if the
+            method optimises something else.
         weights_b: The same of trajectory B.
         score: Acquisition value of the pair.
         runner_up_score: Acquisition value of the next best pair, if there is one.
@@ -125,10 +126,10 @@ def infer_posterior(
         participant: Names the session's random streams.
         query_index: Index of the query, from 0. After an answer that says nothing it alone changes, and with it the
             samples, so that a method that compares samples doesn't ask the same again.
-        comparisons: The active answers so far that say something.
+        comparisons: The active answers so far that say something, in the features of `study.rewards`.
     """
     rng = stream(study.seed, "posterior", participant, query_index)
-    return infer(rng, study.prior, study.response, comparisons, study.sampler)
+    return infer(rng, study.rewards.prior, study.response, comparisons, study.sampler)
 
 
 def propose_active_query(
@@ -145,7 +146,8 @@ def propose_active_query(
     names = (participant, query_index)
     section = study.file.acquisition
     method = acquisition_named(section.method)
-    situation = Situation(study.domain, posterior, study.bank, section.mu, section.min_difference)
+    rewards = study.rewards
+    situation = Situation(rewards.domain, posterior, rewards.bank, section.mu, section.min_difference)
     rng = stream(study.seed, "acquisition", *names)
     ranked = method.rank_pairs(rng, situation, _MOST_PAIRS_TRIED + 1)
     last_resort = _random_weights(study, stream(study.seed, "last-resort", *names))
@@ -165,7 +167,7 @@ def _propose_test_query(study: Study, index: int) -> ProposedQuery:
 
 def _random_weights(study: Study, rng: np.random.Generator) -> RankedWeights:
     """Returns random pairs of w from the prior, none better than another."""
-    weights = study.prior.draw(rng, 2 * _MOST_PAIRS_TRIED)
+    weights = study.rewards.prior.draw(rng, 2 * _MOST_PAIRS_TRIED)
     return RankedWeights(weights.reshape(_MOST_PAIRS_TRIED, 2, -1), np.zeros(_MOST_PAIRS_TRIED))
 
 
@@ -234,11 +236,11 @@ def _attempt(
 def _best_trajectories(
     study: Study, rng: np.random.Generator, weights: Float[np.ndarray, "2 n_features"]
 ) -> trajectory.BestTrajectories:
-    section = study.file.trajectory
+    section, rewards = study.file.trajectory, study.rewards
     if section.starts is None:
-        assert study.bank is not None, "a study that searches from a bank has one"
-        return trajectory.best_from_bank(study.domain, study.bank, weights)
-    return trajectory.best_trajectories(rng, study.domain, weights, section.starts)
+        assert rewards.bank is not None, "a study that searches from a bank has one"
+        return trajectory.best_from_bank(rewards.domain, rewards.bank, weights)
+    return trajectory.best_trajectories(rng, rewards.domain, weights, section.starts)
 
 
 def _differ(domain: Domain, controls: Float[np.ndarray, "2 n_controls"]) -> bool:

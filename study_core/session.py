@@ -12,6 +12,9 @@ from enum import StrEnum
 
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.knowledge import NOTHING, Knowledge
+from study_core.online.feature import LearnedFeature
+from study_core.posterior.population import PopulationPrior
 from study_core.queries import Participant, ProposedQuery
 from study_core.study import Study
 
@@ -71,7 +74,41 @@ class AnswerGiven:
     response_time_ms: int | None
 
 
-Event = SessionBegun | QueryPrepared | AnswerGiven
+@dataclass(frozen=True)
+class PopulationAdopted:
+    """The session goes on from what the people before taught; so its log alone derives its queries again.
+
+    Attributes:
+        query_index: The first query that is chosen with it.
+        key: Name of the shared model.
+        learned_from: Ids of the sessions that taught it.
+        population: What they taught; None once one of them has been deleted.
+    """
+
+    query_index: int
+    key: str
+    learned_from: tuple[str, ...]
+    population: PopulationPrior | None
+
+
+@dataclass(frozen=True)
+class FeatureLearned:
+    """The session's own answers have taught a feature, with which it goes on.
+
+    Attributes:
+        query_index: The first query that is chosen with it.
+        n_queries: It was learned from the answers to so many first queries.
+        feature: The feature.
+        code_version: Version of prefstudy that learned it.
+    """
+
+    query_index: int
+    n_queries: int
+    feature: LearnedFeature
+    code_version: str
+
+
+Event = SessionBegun | PopulationAdopted | FeatureLearned | QueryPrepared | AnswerGiven
 
 
 class Action(StrEnum):
@@ -92,7 +129,8 @@ class SessionState:
         participant: Names the session's random streams; None on the welcome page.
         prepared: Queries so far, by query index.
         answers: Answers so far, by query index.
-        comparisons: The answers that inform the posterior.
+        comparisons: The answers that inform the posterior, in the hand-coded features.
+        knowledge: What else does.
     """
 
     n_events: int
@@ -100,6 +138,7 @@ class SessionState:
     prepared: tuple[QueryPrepared, ...]
     answers: tuple[AnswerGiven, ...]
     comparisons: ComparisonSet
+    knowledge: Knowledge = NOTHING
 
     @property
     def query_index(self) -> int:
@@ -153,6 +192,8 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
     state = replace(state, n_events=state.n_events + 1)
     if isinstance(event, SessionBegun):
         return _begin(state, event)
+    if isinstance(event, (PopulationAdopted, FeatureLearned)):
+        return _learn(study, state, event)
     if isinstance(event, QueryPrepared):
         return _prepare(study, state, event)
     return _answer(study, state, event)
@@ -162,6 +203,17 @@ def _begin(state: SessionState, event: SessionBegun) -> SessionState:
     if state.participant is not None:
         raise SessionError("Expected a session that has not begun; this one has. Go on with it.")
     return replace(state, participant=event.participant)
+
+
+def _learn(study: Study, state: SessionState, event: PopulationAdopted | FeatureLearned) -> SessionState:
+    if next_action(study, state) is not Action.PREPARE or event.query_index != state.query_index:
+        raise SessionError(
+            f"Expected something learned before query {state.query_index} is prepared, got it for query "
+            f"{event.query_index}."
+        )
+    if isinstance(event, PopulationAdopted):
+        return replace(state, knowledge=replace(state.knowledge, population=event.population))
+    return replace(state, knowledge=replace(state.knowledge, feature=event.feature))
 
 
 def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> SessionState:

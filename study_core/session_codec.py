@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from dataclasses import fields
 from typing import Any
@@ -9,14 +10,27 @@ from typing import Any
 import numpy as np
 
 from study_core.comparison import Choice, Query
-from study_core.errors import SessionError
+from study_core.errors import CheckpointError, SessionError
+from study_core.networks import checkpoint
+from study_core.online.feature import LearnedFeature
+from study_core.posterior.population import PopulationPrior
 from study_core.queries import Imported, ProposedQuery, Provenance
-from study_core.session import AnswerGiven, Event, Phase, QueryPrepared, SessionBegun
+from study_core.session import (
+    AnswerGiven,
+    Event,
+    FeatureLearned,
+    Phase,
+    PopulationAdopted,
+    QueryPrepared,
+    SessionBegun,
+)
 
 Json = dict[str, Any]
 
 KINDS: dict[type[Event], str] = {
     SessionBegun: "session_begun",
+    PopulationAdopted: "population_adopted",
+    FeatureLearned: "feature_learned",
     QueryPrepared: "query_prepared",
     AnswerGiven: "answer_given",
 }
@@ -35,6 +49,10 @@ def to_json(event: Event) -> Json:
     """Returns an event's content as JSON values."""
     if isinstance(event, SessionBegun):
         return {"participant": event.participant}
+    if isinstance(event, PopulationAdopted):
+        return _population_to_json(event)
+    if isinstance(event, FeatureLearned):
+        return _feature_to_json(event)
     if isinstance(event, AnswerGiven):
         return {
             "query_index": event.query_index,
@@ -62,13 +80,57 @@ def from_json(kind: str, content: Json) -> Event:
             return SessionBegun(content["participant"])
         if kind == "answer_given":
             return AnswerGiven(content["query_index"], Choice(content["choice"]), content["response_time_ms"])
+        if kind == "population_adopted":
+            return _population_adopted(content)
+        if kind == "feature_learned":
+            return _feature_learned(content)
         if kind == "query_prepared":
             return _query_prepared(content)
-    except (AttributeError, KeyError, ValueError, TypeError) as error:
+    except (AttributeError, KeyError, ValueError, TypeError, CheckpointError) as error:
         raise SessionError(
             f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?"
         ) from error
     raise SessionError(f"Expected an event of a known kind, got '{kind}'. Install the version that wrote it.")
+
+
+def _population_to_json(event: PopulationAdopted) -> Json:
+    population = event.population
+    return {
+        "query_index": event.query_index,
+        "key": event.key,
+        "learned_from": list(event.learned_from),
+        "population": None if population is None else _plain(population),
+    }
+
+
+def _population_adopted(content: Json) -> PopulationAdopted:
+    population = content["population"]
+    return PopulationAdopted(
+        content["query_index"],
+        content["key"],
+        tuple(content["learned_from"]),
+        None if population is None else PopulationPrior(**_arrays(population)),
+    )
+
+
+def _feature_to_json(event: FeatureLearned) -> Json:
+    feature = event.feature
+    return {
+        "query_index": event.query_index,
+        "n_queries": event.n_queries,
+        "n_learned_from": feature.n_learned_from,
+        "checkpoint": base64.b64encode(checkpoint.to_bytes(feature.checkpoint)).decode(),
+        "drives": feature.drives.tolist(),
+        "drive_weights": feature.drive_weights.tolist(),
+        "code_version": event.code_version,
+    }
+
+
+def _feature_learned(content: Json) -> FeatureLearned:
+    networks = checkpoint.from_bytes(base64.b64decode(content["checkpoint"]))
+    drives = {key: np.array(content[key], dtype=np.float64) for key in ("drives", "drive_weights")}
+    feature = LearnedFeature(networks, content["n_learned_from"], **drives)
+    return FeatureLearned(content["query_index"], content["n_queries"], feature, content["code_version"])
 
 
 def _query_prepared(content: Json) -> QueryPrepared:
@@ -104,7 +166,7 @@ def test_set_from_bytes(content: bytes) -> tuple[ProposedQuery, ...]:
 
 def query_from_json(content: Json) -> Query:
     """Returns a query from its JSON values."""
-    return Query(**{key: np.array(value, dtype=np.float64) for key, value in content.items()})
+    return Query(**_arrays(content))
 
 
 def provenance_from_json(content: Json) -> Provenance | Imported:
@@ -120,7 +182,11 @@ def provenance_from_json(content: Json) -> Provenance | Imported:
     return Provenance(**{**content, **arrays, **tuples})
 
 
-def _plain(record: Query | Provenance | Imported) -> Json:
+def _arrays(content: Json) -> dict[str, Any]:
+    return {key: np.array(value, dtype=np.float64) for key, value in content.items()}
+
+
+def _plain(record: Query | Provenance | Imported | PopulationPrior) -> Json:
     """Returns a flat dataclass as JSON values."""
     return {field.name: _plain_value(getattr(record, field.name)) for field in fields(record)}
 

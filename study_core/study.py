@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -27,8 +27,11 @@ from study_core.choice import ResponseModel
 from study_core.comparison import Choice
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
+from study_core.knowledge import NOTHING, Knowledge
+from study_core.online.rewards import rewards_with
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
+from study_core.rewards import Rewards
 
 # Products of a few probabilities as small as this are still numbers.
 _SMALLEST_LAPSE_RATE = 1e-9
@@ -199,6 +202,28 @@ class TrajectorySection(_Section):
         return self
 
 
+class LearningSection(_Section):
+    """What a session may know beyond its hand-coded features and its own answers."""
+
+    people_before: bool = Field(
+        False, description="Start from what everyone who has finished the study before cares for."
+    )
+    feature_every: int | None = Field(
+        None,
+        ge=10,
+        description="After each so many active queries, learn a feature from the answers so far, and go on with it.",
+    )
+
+    @model_validator(mode="after")
+    def _is_one_of_the_two(self) -> LearningSection:
+        if self.people_before and self.feature_every is not None:
+            raise ValueError(
+                "people_before and feature_every can't go together: what people have in common is known of the "
+                "hand-coded features alone. Leave one out"
+            )
+        return self
+
+
 class StudyFile(_Section):
     """The whole file."""
 
@@ -213,14 +238,32 @@ class StudyFile(_Section):
     sampler: SamplerSection
     acquisition: AcquisitionSection
     trajectory: TrajectorySection
+    learning: LearningSection = LearningSection()
+
+    @model_validator(mode="after")
+    def _learning_knows_the_scale_of_rewards(self) -> StudyFile:
+        is_learning = self.learning.people_before or self.learning.feature_every is not None
+        if is_learning and (self.prior.support, self.response.rationality) != ("sphere", "inferred"):
+            raise ValueError(
+                'the section learning needs prior.support = "sphere" and response.rationality = "inferred": what is '
+                "learned comes in units of the person's own rationality"
+            )
+        return self
 
 
 @dataclass(frozen=True)
 class Study:
-    """A checked study: its file's text, which a session keeps for ever, and what the text says."""
+    """A checked study: its file's text, which a session keeps for ever, and what the text says.
+
+    Attributes:
+        text: The file's.
+        file: What it says.
+        knowledge: What a session that takes part in it knows besides; nothing in the study itself.
+    """
 
     text: str
     file: StudyFile
+    knowledge: Knowledge = NOTHING
 
     @cached_property
     def hash(self) -> str:
@@ -275,6 +318,18 @@ class Study:
     def prior(self) -> Prior:
         """Returns the prior over the domain's weights."""
         return Prior(self.file.prior.support, len(self.domain.feature_names))
+
+    @cached_property
+    def rewards(self) -> Rewards:
+        """Returns what posteriors and queries run over, with all that is known."""
+        prior = replace(self.prior, population=self.knowledge.population)
+        rewards = Rewards(self.domain, prior, self.bank)
+        feature = self.knowledge.feature
+        return rewards if feature is None else rewards_with(rewards, feature)
+
+    def knowing(self, knowledge: Knowledge) -> Study:
+        """Returns the study as a session with that knowledge goes on in it."""
+        return replace(self, knowledge=knowledge)
 
     @cached_property
     def sampler(self) -> SamplerSettings:
@@ -348,7 +403,9 @@ def _explain_one(problem: Any) -> str:
     if problem["type"] == "missing":
         return f"key '{where}' is missing; add it."
     message = problem["msg"].removeprefix("Value error, ")
-    return f"key '{where}': {message[0].lower()}{message[1:]}, got {problem['input']!r}."
+    line = f"key '{where}': {message[0].lower()}{message[1:]}"
+    # What is wrong with several keys together is said in full; the whole section would only hide it.
+    return f"{line}." if isinstance(problem["input"], dict) else f"{line}, got {problem['input']!r}."
 
 
 def _keys_of(section: list[Any]) -> list[str]:

@@ -9,11 +9,12 @@ from functools import cached_property
 from typing import Any, Literal, Protocol
 
 from study_core.comparison import ComparisonSet
+from study_core.knowledge import NOTHING, Knowledge
 from study_core.posterior.run import Posterior
 from study_core.queries import Participant, ProposedQuery
 from study_core.session import QueryPrepared
 
-VERSION = "continuation-2"
+VERSION = "continuation-3"
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,10 @@ class Request:
         study_text: The study file's text.
         participant: Names the session's random streams.
         query_index: The query to prepare.
-        comparisons: Answers that inform the posterior.
+        comparisons: Answers that inform the posterior, in the hand-coded features.
         needs_posterior: Whether an answer has come since the last posterior; always so in the active phase.
         test_query: The common test query to show, in the test phase.
+        knowledge: What else informs the posterior.
     """
 
     study_text: str
@@ -35,12 +37,14 @@ class Request:
     comparisons: ComparisonSet
     needs_posterior: bool
     test_query: ProposedQuery | None
+    knowledge: Knowledge = NOTHING
 
     @cached_property
     def key(self) -> str:
         """Returns the name of the computation: equal requests are computed once, and none goes stale."""
         digest = hashlib.sha256(self.study_text.encode())
         digest.update(f"{VERSION}|{self.participant!r}|{self.query_index}|{self.needs_posterior}".encode())
+        digest.update(self.knowledge.digest.encode())
         digest.update(self.comparisons.feature_diffs.tobytes())
         digest.update(self.comparisons.signs.tobytes())
         return f"continuation-{digest.hexdigest()}"

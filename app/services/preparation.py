@@ -184,7 +184,13 @@ def _request(
     test_query = live.opened.test_set[query_index - n_active] if query_index >= n_active else None
     assert live.state.participant is not None, "a session that has not begun needs no query"
     return Request(
-        live.study.text, live.state.participant, query_index, comparisons, needs_posterior, test_query
+        live.study.text,
+        live.state.participant,
+        query_index,
+        comparisons,
+        needs_posterior,
+        test_query,
+        live.state.knowledge,
     )
 
 

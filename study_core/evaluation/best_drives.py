@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from study_core import lbfgs
+from study_core.differences import central_differences
 from study_core.distinctness import visible_difference, visible_paths
 from study_core.domain import Domain
 from study_core.evaluation.learned import RewardFn
@@ -16,8 +17,6 @@ from study_core.streams import stream
 N_CANDIDATES = 10_000
 _N_STARTS = 10
 _MAX_EVALUATIONS = 200
-# Features learned in single precision are rough below this scale of the controls.
-_STEP = 1e-3
 
 
 def draw_candidates(seed: int, domain: Domain) -> Float[np.ndarray, "n_candidates n_controls"]:
@@ -45,11 +44,7 @@ def optimise(
     def evaluate(
         points: Float[np.ndarray, "n n_controls"], rows: Int[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_controls"]]:
-        n, n_controls = points.shape
-        steps = _STEP * np.vstack([np.zeros(n_controls), np.eye(n_controls), -np.eye(n_controls)])
-        values = reward(domain.rollout((points[:, None] + steps).reshape(-1, n_controls))).reshape(n, -1)
-        forward, backward = values[:, 1 : 1 + n_controls], values[:, 1 + n_controls :]
-        return values[:, 0].copy(), (forward - backward) / (2.0 * _STEP)
+        return central_differences(lambda controls: reward(domain.rollout(controls)), points)
 
     points, values, _, _ = lbfgs.climb(
         evaluate, candidates[best], domain.control_lower, domain.control_upper, _MAX_EVALUATIONS

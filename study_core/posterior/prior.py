@@ -21,6 +21,7 @@ from jaxtyping import Float
 from scipy.special import ndtri
 
 from study_core.posterior import kernels
+from study_core.posterior.population import PopulationPrior
 
 Support = Literal["ball", "sphere"]
 KERNEL_SUPPORTS: dict[Support, int] = {"ball": kernels.BALL, "sphere": kernels.SPHERE}
@@ -33,10 +34,13 @@ class Prior:
     Attributes:
         support: `ball` or `sphere`.
         n_features: Length of w, at least 2.
+        population: What the people before care for, in the place of the uniform prior; only on the sphere and with an
+            inferred rationality, whose prior it replaces as well.
     """
 
     support: Support
     n_features: int
+    population: PopulationPrior | None = None
 
     @property
     def kernel_support(self) -> int:

@@ -1,0 +1,97 @@
+"""A feature that a person's own answers have taught: what the hand-coded features miss, in units of reward."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from study_core.domain import Domain
+from study_core.networks.checkpoint import Checkpoint, to_bytes
+from study_core.networks.model import Examples, Networks
+
+N_FOLDS = 5
+"""Networks are trained without one fold of the answers each, so that every answer has networks that don't know it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedFeature:
+    """Networks whose mean is one more feature of a trajectory; only its differences mean anything.
+
+    The answers that taught a feature would overstate its worth: the networks know them by heart. So the feature of a
+    pair among them is what the networks say that were trained without it, as in stacking (Wolpert 1992).
+
+    Attributes:
+        checkpoint: The networks, fold by fold, as many for each; their linear weights are in units of reward.
+        n_learned_from: How many answers taught it, the first ones; answer i is in fold i modulo `N_FOLDS`.
+        drives: Controls of local optima of rewards that the feature has a part in, shape `(n_drives, n_controls)`;
+            none where the study has no bank.
+        drive_weights: The weights of the reward that each is an optimum of, the feature's last, shape
+            `(n_drives, n_features + 1)`.
+    """
+
+    checkpoint: Checkpoint
+    n_learned_from: int
+    drives: Float[np.ndarray, "n_drives n_controls"]
+    drive_weights: Float[np.ndarray, "n_drives n_weights"]
+
+    @cached_property
+    def digest(self) -> str:
+        """Returns the SHA-256 of everything in it, in hex; features are equal if their digests are."""
+        digest = hashlib.sha256(to_bytes(self.checkpoint))
+        digest.update(f"{self.n_learned_from}".encode())
+        digest.update(self.drives.tobytes())
+        digest.update(self.drive_weights.tobytes())
+        return digest.hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LearnedFeature) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def of_trajectories(
+        self, domain: Domain, states: Float[np.ndarray, "n n_steps n_states"]
+    ) -> Float[np.ndarray, " n"]:
+        """Returns the feature of each trajectory, up to a constant.
+
+        Args:
+            domain: Gives the networks' inputs.
+            states: After each step.
+        """
+        inputs = self.checkpoint.config.inputs_of(domain, states)
+        return self._of_each_fold(inputs, np.zeros_like(inputs)).mean(axis=0)
+
+    def of_compared(
+        self,
+        domain: Domain,
+        states_a: Float[np.ndarray, "n n_steps n_states"],
+        states_b: Float[np.ndarray, "n n_steps n_states"],
+    ) -> Float[np.ndarray, " n"]:
+        """Returns the feature of A less that of B for the session's answers, in their order.
+
+        Args:
+            domain: Gives the networks' inputs.
+            states_a: Of trajectory A of each pair.
+            states_b: Of trajectory B.
+        """
+        config = self.checkpoint.config
+        of_folds = self._of_each_fold(config.inputs_of(domain, states_a), config.inputs_of(domain, states_b))
+        diffs = of_folds.mean(axis=0)
+        known = np.arange(min(self.n_learned_from, len(diffs)))
+        diffs[known] = of_folds[known % N_FOLDS, known]
+        return diffs
+
+    def _of_each_fold(
+        self,
+        inputs_a: Float[np.ndarray, "n n_steps n_inputs"],
+        inputs_b: Float[np.ndarray, "n n_steps n_inputs"],
+    ) -> Float[np.ndarray, "n_folds n"]:
+        """Returns the mean over each fold's networks of the feature of A less that of B."""
+        networks: Networks = self.checkpoint.networks
+        n = len(inputs_a)
+        pairs = Examples(inputs_a, inputs_b, np.empty((n, 0)), np.zeros(n))
+        return networks.learned_logits(pairs).reshape(N_FOLDS, -1, n).mean(axis=1)
