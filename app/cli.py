@@ -139,6 +139,13 @@ def simulate(
         float,
         typer.Option(min=0.0, max=1.0, help="Share of queries they can't tell, where a study offers that."),
     ] = 0.0,
+    hidden_feature: Annotated[
+        str | None,
+        typer.Option(help="A rich feature of the domain that they care for as well, such as 'side'."),
+    ] = None,
+    hidden_weight: Annotated[
+        float, typer.Option(min=-100.0, max=100.0, help="How much, per unit of that feature.")
+    ] = 1.0,
     database: DatabaseOption = DEFAULT_DATABASE,
     out: Annotated[
         Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
@@ -161,7 +168,8 @@ def simulate(
     log.configure("WARNING")
     definition = find_study(study)
     _open_bank(definition)
-    crowd = Crowd(seed, people, Habits(drift, side_bias, unsure_rate), rationality, lapse_rate)
+    habits = Habits(drift, side_bias, unsure_rate, hidden_feature, hidden_weight if hidden_feature else 0.0)
+    crowd = Crowd(seed, people, habits, rationality, lapse_rate)
     n_workers = min(workers or n_cores(), people)
     # While one person's answer is being stored, another's next query is computed.
     n_at_once = 1 if n_workers == 1 else 2 * n_workers

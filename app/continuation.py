@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import time
 from importlib.metadata import version
 
-from app.services.continuation import Continuation, Request
+from app.services.continuation import Continuation, FeatureRequest, Request
 from app.stage.clip import build_clip
 from app.stage.framing import Layout
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.domain import Domain
+from study_core.errors import NetworkError
+from study_core.online.learn import learn_feature
 from study_core.posterior.run import Posterior
 from study_core.queries import ProposedQuery, infer_posterior, propose_active_query, propose_test_set
-from study_core.session import QueryPrepared, phase_of
+from study_core.session import FeatureLearned, QueryPrepared, phase_of
 from study_core.study import Study, parse_study
 
 CODE_VERSION = version("prefstudy")
+
+log = logging.getLogger(__name__)
 
 
 def continue_session(request: Request) -> Continuation:
@@ -25,7 +30,7 @@ def continue_session(request: Request) -> Continuation:
     study = parse_study(request.study_text).knowing(request.knowledge)
     posterior = None
     if request.needs_posterior:
-        posterior = infer_posterior(study, request.participant, request.query_index, request.comparisons)
+        posterior = infer_posterior(study, request.participant, request.query_index, _known(study, request))
     proposed = request.test_query or _propose(study, request, posterior)
     clips = clip_digests(study.domain, proposed.query)
     compute_ms = 1000.0 * (time.perf_counter() - started)
@@ -37,7 +42,27 @@ def continue_session(request: Request) -> Continuation:
         CODE_VERSION,
         compute_ms,
     )
-    return Continuation(prepared, posterior)
+    return Continuation(prepared, posterior, request.learned)
+
+
+def learn(request: FeatureRequest) -> FeatureLearned:
+    """Returns what a session's answers have taught beyond the hand-coded features."""
+    study = parse_study(request.study_text)
+    feature = None
+    try:
+        feature = learn_feature(study, request.participant, request.n_queries, request.compared)
+    except NetworkError:
+        log.warning("%s: the training of a feature diverged; the session goes on without it", request.key)
+    return FeatureLearned(request.query_index, request.n_queries, feature, CODE_VERSION)
+
+
+def _known(study: Study, request: Request) -> ComparisonSet:
+    """Returns the answers in the features that the session goes on with."""
+    feature = study.knowledge.feature
+    if feature is None:
+        return request.comparisons
+    assert request.compared is not None, "a learned feature looks at what was compared"
+    return feature.added_to(study.domain, request.compared)
 
 
 def _propose(study: Study, request: Request, posterior: Posterior | None) -> ProposedQuery:

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import uvicorn
 
-from app.continuation import continue_session, test_set, warm_up
+from app.continuation import continue_session, learn, test_set, warm_up
 from app.engine.dask_engine import DaskEngine
 from app.engine.on_demand import InlineEngine, OnDemandEngine
 from app.errors import AppError
@@ -90,7 +90,7 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         stack.callback(engine.close)
         trainer = Trainer(store, engine, PERSONAL_NETWORK)
         stack.callback(trainer.close)
-        parts = _parts(settings, Runtime(store, engine, continue_session, test_set, trainer=trainer))
+        parts = _parts(settings, Runtime(store, engine, continue_session, test_set, learn, trainer=trainer))
         parts.runtime.open_study(settings.study)
         trainer.begin_missing(settings.study.name)
         link = _join_link(settings, listener)
@@ -132,7 +132,9 @@ def headless(
             folder = stack.enter_context(TemporaryDirectory(prefix="prefstudy-"))
             database = f"sqlite:///{Path(folder) / 'headless.db'}"
         store = stack.enter_context(open_store(database))
-        runtime = Runtime(store, _headless_engine(stack, n_workers, scheduler), continue_session, test_set)
+        runtime = Runtime(
+            store, _headless_engine(stack, n_workers, scheduler), continue_session, test_set, learn
+        )
         stack.callback(runtime.close)
         yield runtime
 

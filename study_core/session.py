@@ -10,10 +10,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.errors import AnswerNotCurrentError, SessionError
 from study_core.knowledge import NOTHING, Knowledge
-from study_core.online.feature import LearnedFeature
+from study_core.online.feature import Compared, LearnedFeature
+from study_core.online.schedule import FEWEST_ANSWERS, n_learned_from
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Participant, ProposedQuery
 from study_core.study import Study
@@ -98,13 +101,13 @@ class FeatureLearned:
     Attributes:
         query_index: The first query that is chosen with it.
         n_queries: It was learned from the answers to so many first queries.
-        feature: The feature.
+        feature: The feature; None if the training diverged, and the session goes on with what it had.
         code_version: Version of prefstudy that learned it.
     """
 
     query_index: int
     n_queries: int
-    feature: LearnedFeature
+    feature: LearnedFeature | None
     code_version: str
 
 
@@ -131,6 +134,7 @@ class SessionState:
         answers: Answers so far, by query index.
         comparisons: The answers that inform the posterior, in the hand-coded features.
         knowledge: What else does.
+        n_queries_learned: The last feature was learned from the answers to so many first queries; 0 before that.
     """
 
     n_events: int
@@ -139,6 +143,7 @@ class SessionState:
     answers: tuple[AnswerGiven, ...]
     comparisons: ComparisonSet
     knowledge: Knowledge = NOTHING
+    n_queries_learned: int = 0
 
     @property
     def query_index(self) -> int:
@@ -213,7 +218,9 @@ def _learn(study: Study, state: SessionState, event: PopulationAdopted | Feature
         )
     if isinstance(event, PopulationAdopted):
         return replace(state, knowledge=replace(state.knowledge, population=event.population))
-    return replace(state, knowledge=replace(state.knowledge, feature=event.feature))
+    feature = event.feature or state.knowledge.feature
+    knowledge = replace(state.knowledge, feature=feature)
+    return replace(state, knowledge=knowledge, n_queries_learned=event.n_queries)
 
 
 def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> SessionState:
@@ -244,6 +251,54 @@ def _answer(study: Study, state: SessionState, event: AnswerGiven) -> SessionSta
     if current.phase is Phase.ACTIVE:
         comparisons = comparisons.append(current.proposed.query, event.choice)
     return replace(state, answers=(*state.answers, event), comparisons=comparisons)
+
+
+def compared(state: SessionState, n_queries: int) -> Compared:
+    """Returns what the answers to the first active queries compared, as far as they say something."""
+    asked = zip(state.prepared[:n_queries], state.answers[:n_queries], strict=False)
+    queries = [
+        prepared.proposed.query
+        for prepared, given in asked
+        if prepared.phase is Phase.ACTIVE and given.choice.is_informative
+    ]
+    known = state.comparisons
+    comparisons = ComparisonSet(known.feature_diffs[: len(queries)], known.signs[: len(queries)])
+    controls = [np.stack([query.controls_a, query.controls_b]) for query in queries]
+    return Compared(comparisons, np.array(controls))
+
+
+def known_comparisons(study: Study, state: SessionState) -> ComparisonSet:
+    """Returns the answers that inform the posterior, in the features that the session goes on with."""
+    feature = state.knowledge.feature
+    if feature is None:
+        return state.comparisons
+    return feature.added_to(study.domain, compared(state, len(state.answers)))
+
+
+def test_comparisons(study: Study, state: SessionState) -> ComparisonSet:
+    """Returns the answers to the common test queries that prefer one, in the features that the session ended with."""
+    domain = study.knowing(state.knowledge).rewards.domain
+    answered = [
+        (prepared.proposed.query, given.choice)
+        for prepared, given in zip(state.prepared, state.answers, strict=False)
+        if prepared.phase is Phase.TEST and given.choice.sign != 0.0
+    ]
+    if not answered:
+        return ComparisonSet.empty(len(domain.feature_names))
+    sides = [[query.controls_a for query, _ in answered], [query.controls_b for query, _ in answered]]
+    features_a, features_b = (domain.features(domain.rollout(np.array(side))) for side in sides)
+    return ComparisonSet(features_a - features_b, np.array([choice.sign for _, choice in answered]))
+
+
+def feature_due(study: Study, state: SessionState, query_index: int) -> int:
+    """Returns from the answers to how many first queries a feature is to be learned before a query; 0 if none is."""
+    every = study.file.learning.feature_every
+    if every is None:
+        return 0
+    n_queries = n_learned_from(every, study.protocol.active_queries, query_index)
+    n_preferring = sum(given.choice.sign != 0.0 for given in state.answers[:n_queries])
+    is_due = n_queries > state.n_queries_learned and n_preferring >= FEWEST_ANSWERS
+    return n_queries if is_due else 0
 
 
 def query_of(state: SessionState, query_index: int) -> Query:

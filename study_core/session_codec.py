@@ -114,23 +114,37 @@ def _population_adopted(content: Json) -> PopulationAdopted:
 
 
 def _feature_to_json(event: FeatureLearned) -> Json:
-    feature = event.feature
     return {
         "query_index": event.query_index,
         "n_queries": event.n_queries,
-        "n_learned_from": feature.n_learned_from,
-        "checkpoint": base64.b64encode(checkpoint.to_bytes(feature.checkpoint)).decode(),
-        "drives": feature.drives.tolist(),
-        "drive_weights": feature.drive_weights.tolist(),
+        "feature": None if event.feature is None else _learned_to_json(event.feature),
         "code_version": event.code_version,
     }
 
 
 def _feature_learned(content: Json) -> FeatureLearned:
+    feature = content["feature"]
+    return FeatureLearned(
+        content["query_index"],
+        content["n_queries"],
+        None if feature is None else _learned(feature),
+        content["code_version"],
+    )
+
+
+def _learned_to_json(feature: LearnedFeature) -> Json:
+    return {
+        "checkpoint": base64.b64encode(checkpoint.to_bytes(feature.checkpoint)).decode(),
+        "n_learned_from": feature.n_learned_from,
+        "drives": feature.drives.tolist(),
+        "drive_weights": feature.drive_weights.tolist(),
+    }
+
+
+def _learned(content: Json) -> LearnedFeature:
     networks = checkpoint.from_bytes(base64.b64decode(content["checkpoint"]))
-    drives = {key: np.array(content[key], dtype=np.float64) for key in ("drives", "drive_weights")}
-    feature = LearnedFeature(networks, content["n_learned_from"], **drives)
-    return FeatureLearned(content["query_index"], content["n_queries"], feature, content["code_version"])
+    drives = _arrays({key: content[key] for key in ("drives", "drive_weights")})
+    return LearnedFeature(networks, content["n_learned_from"], **drives)
 
 
 def _query_prepared(content: Json) -> QueryPrepared:

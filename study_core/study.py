@@ -28,7 +28,7 @@ from study_core.comparison import Choice
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
 from study_core.knowledge import NOTHING, Knowledge
-from study_core.online.rewards import rewards_with
+from study_core.online.rewards import FEATURE_NAME, rewards_with
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
 from study_core.rewards import Rewards
@@ -318,6 +318,12 @@ class Study:
     def prior(self) -> Prior:
         """Returns the prior over the domain's weights."""
         return Prior(self.file.prior.support, len(self.domain.feature_names))
+
+    @property
+    def weight_names(self) -> tuple[str, ...]:
+        """Returns the names of all weights that a session's posterior may have, in their order."""
+        learned = () if self.file.learning.feature_every is None else (FEATURE_NAME,)
+        return (*self.domain.feature_names, *learned)
 
     @cached_property
     def rewards(self) -> Rewards:

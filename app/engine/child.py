@@ -16,7 +16,7 @@ def dask_setup(server: Any) -> None:
     """Runs once, before the scheduler or worker is open for work."""
     threading.Thread(target=_exit_with_parent, name="exit-with-parent", daemon=True).start()
     if type(server).__name__ == "Worker":
-        os.nice(_TRAINING_NICENESS if "training" in server.state.total_resources else _WORKER_NICENESS)
+        os.nice(_WORKER_NICENESS if "query" in server.state.total_resources else _TRAINING_NICENESS)
 
 
 def _exit_with_parent() -> None:

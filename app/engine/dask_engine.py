@@ -59,7 +59,8 @@ class DaskEngine:
             n_workers: Worker processes of a cluster of our own that compute queries.
             scheduler_address: Address of a running scheduler instead; all its workers compute everything.
             warm_up: Run by every worker that computes queries before it takes work.
-            n_training_workers: Worker processes of a cluster of our own that train, and do nothing else.
+            n_training_workers: Worker processes of a cluster of our own that train, and do nothing else; with none,
+                those that compute queries train as well.
 
         Raises:
             EngineError: It doesn't come up, or isn't there.
@@ -270,7 +271,7 @@ class _WarmUp(WorkerPlugin):
 
     def setup(self, worker: Worker) -> None:
         """Runs once in each worker."""
-        if "training" not in worker.state.total_resources:
+        if "query" in worker.state.total_resources:
             self._warm_up()
 
 

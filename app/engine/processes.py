@@ -34,12 +34,16 @@ class EngineError(AppError):
 
 
 class LocalProcesses:
-    """A scheduler and its workers as child processes, on the loopback address, with TLS of their own."""
+    """A scheduler and its workers as child processes, on the loopback address, with TLS of their own.
+
+    Without workers of its own for training, those that compute queries train as well.
+    """
 
     def __init__(self, n_workers: int, n_training_workers: int) -> None:
         self.security = Security.temporary()
-        # Dask doesn't preempt, so whoever trains never computes what a person waits for.
-        self._resources = ["query"] * n_workers + ["training"] * n_training_workers
+        # Dask doesn't preempt: where people wait, whoever trains never computes what they wait for.
+        querying = ("query",) if n_training_workers else ("query", "training")
+        self._resources = [querying] * n_workers + [("training",)] * n_training_workers
         self._scheduler: subprocess.Popen[bytes] | None = None
         self._workers: list[subprocess.Popen[bytes]] = []
         self._folder = tempfile.TemporaryDirectory(prefix="prefstudy-engine-")
@@ -51,7 +55,8 @@ class LocalProcesses:
         """Returns the process ids by role."""
         scheduler = [] if self._scheduler is None else [self._scheduler.pid]
         workers = [
-            (resource, worker.pid) for resource, worker in zip(self._resources, self._workers, strict=False)
+            (resources[0], worker.pid)
+            for resources, worker in zip(self._resources, self._workers, strict=False)
         ]
         return {
             "scheduler": scheduler,
@@ -65,7 +70,7 @@ class LocalProcesses:
         options = ["--host", "tls://127.0.0.1", "--port", "0", "--scheduler-file", str(address_file)]
         self._scheduler = self._spawn("dask_scheduler", options)
         self.address = self._read_address(address_file)
-        self._workers = [self._spawn_worker(resource) for resource in self._resources]
+        self._workers = [self._spawn_worker(resources) for resources in self._resources]
 
     def has_scheduler(self) -> bool:
         """Returns whether the scheduler is alive."""
@@ -93,8 +98,9 @@ class LocalProcesses:
         self.stop()
         self._folder.cleanup()
 
-    def _spawn_worker(self, resource: str) -> subprocess.Popen[bytes]:
-        options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", f"{resource}=1"]
+    def _spawn_worker(self, resources: tuple[str, ...]) -> subprocess.Popen[bytes]:
+        offered = " ".join(f"{resource}=1" for resource in resources)
+        options = [self.address, "--nthreads", "1", "--no-nanny", "--resources", offered]
         options += ["--host", "127.0.0.1", "--memory-limit", "0", "--local-directory", self._folder.name]
         return self._spawn("dask_worker", options)
 

@@ -10,9 +10,10 @@ from typing import Any, Literal, Protocol
 
 from study_core.comparison import ComparisonSet
 from study_core.knowledge import NOTHING, Knowledge
+from study_core.online.feature import Compared
 from study_core.posterior.run import Posterior
 from study_core.queries import Participant, ProposedQuery
-from study_core.session import QueryPrepared
+from study_core.session import FeatureLearned, QueryPrepared
 
 VERSION = "continuation-3"
 
@@ -29,6 +30,8 @@ class Request:
         needs_posterior: Whether an answer has come since the last posterior; always so in the active phase.
         test_query: The common test query to show, in the test phase.
         knowledge: What else informs the posterior.
+        learned: A feature that the session goes on with from this query on.
+        compared: The same answers with what they compared; None where no feature has been learned.
     """
 
     study_text: str
@@ -38,13 +41,15 @@ class Request:
     needs_posterior: bool
     test_query: ProposedQuery | None
     knowledge: Knowledge = NOTHING
+    learned: FeatureLearned | None = None
+    compared: Compared | None = None
 
     @cached_property
     def key(self) -> str:
         """Returns the name of the computation: equal requests are computed once, and none goes stale."""
         digest = hashlib.sha256(self.study_text.encode())
         digest.update(f"{VERSION}|{self.participant!r}|{self.query_index}|{self.needs_posterior}".encode())
-        digest.update(self.knowledge.digest.encode())
+        digest.update(f"{self.knowledge.digest}|{self.learned is not None}".encode())
         digest.update(self.comparisons.feature_diffs.tobytes())
         digest.update(self.comparisons.signs.tobytes())
         return f"continuation-{digest.hexdigest()}"
@@ -52,13 +57,49 @@ class Request:
 
 @dataclass(frozen=True)
 class Continuation:
-    """The next query, ready to be shown, and the posterior it was chosen from."""
+    """The next query, ready to be shown.
+
+    Attributes:
+        prepared: The query.
+        posterior: What it was chosen from, if an answer has come since the last one.
+        learned: A feature that it was the first to be chosen with.
+    """
 
     prepared: QueryPrepared
     posterior: Posterior | None
+    learned: FeatureLearned | None = None
+
+
+@dataclass(frozen=True)
+class FeatureRequest:
+    """Everything that a feature depends on which a session learns from its own answers.
+
+    Attributes:
+        study_text: The study file's text.
+        participant: Names the session's random streams.
+        query_index: The first query that is to be chosen with it.
+        n_queries: It is learned from the answers to so many first queries.
+        compared: Those answers, as far as they say something.
+    """
+
+    study_text: str
+    participant: Participant
+    query_index: int
+    n_queries: int
+    compared: Compared
+
+    @cached_property
+    def key(self) -> str:
+        """Returns the name of the computation."""
+        digest = hashlib.sha256(self.study_text.encode())
+        digest.update(f"{VERSION}|{self.participant!r}|{self.query_index}|{self.n_queries}".encode())
+        digest.update(self.compared.controls.tobytes())
+        digest.update(self.compared.comparisons.signs.tobytes())
+        return f"feature-{digest.hexdigest()}"
 
 
 ContinueFn = Callable[[Request], Continuation]
+LearnFn = Callable[[FeatureRequest], FeatureLearned]
 TestSetFn = Callable[[str], tuple[ProposedQuery, ...]]
 
 

@@ -33,7 +33,7 @@ class Evaluated:
         domain: Whose trajectories they compared.
         studies: What they took part in, by hash.
         people: Those who have finished, in the order of their names.
-        posterior_samples: The last that were stored, by person; not of those who have none.
+        posterior_samples: The last that were stored, of the hand-coded weights, by person; not of those who have none.
         left_out: Why somebody isn't among them, one sentence each.
     """
 
@@ -76,7 +76,7 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
         studies[record.study_hash] = one.study
         posteriors = store.posteriors(record.id)
         if posteriors:
-            samples[name] = posteriors[-1].samples
+            samples[name] = posteriors[-1].samples[:, : len(one.study.domain.feature_names)]
     if not people:
         raise NobodyToEvaluateError(
             " ".join(["Nobody here can be evaluated.", *left_out, "Import or finish some sessions first."])

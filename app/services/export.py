@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import fields
+from itertools import zip_longest
 from pathlib import Path
 from typing import Literal
 
 from app.errors import AppError
 from app.services.table import Format, Row, Table
 from app.store import EventRecord, PosteriorRecord, SessionRecord, Source, Store
-from study_core.domain import Domain
 from study_core.queries import Imported, Provenance
 from study_core.study import Study, parse_study
 
@@ -96,7 +96,7 @@ def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[s
     for event in events:
         yield "events", _event_row(record, event)
         if event.kind == "query_prepared":
-            yield "queries", _query_row(record, study.domain, event)
+            yield "queries", _query_row(record, study, event)
         elif event.kind == "answer_given":
             yield "answers", {"person_id": record.id, **event.payload, "answered_at": event.at.isoformat()}
     for posterior in store.posteriors(record.id):
@@ -127,17 +127,12 @@ def _event_row(record: SessionRecord, event: EventRecord) -> Row:
     }
 
 
-def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row:
+def _query_row(record: SessionRecord, study: Study, event: EventRecord) -> Row:
     content = event.payload
     query, provenance = content["query"], {**_NO_PROVENANCE, **content["provenance"]}
-    named = {
-        key: dict(zip(domain.feature_names, query[key], strict=True)) for key in ("features_a", "features_b")
-    }
-    unknown = [None] * len(domain.feature_names)
-    weights = {
-        key: dict(zip(domain.feature_names, provenance[key] or unknown, strict=True))
-        for key in ("weights_a", "weights_b")
-    }
+    names = study.domain.feature_names
+    named = {key: dict(zip(names, query[key], strict=True)) for key in ("features_a", "features_b")}
+    weights = {key: _by_weight(study, provenance[key] or []) for key in ("weights_a", "weights_b")}
     return {
         "person_id": record.id,
         **{key: value for key, value in content.items() if key not in ("query", "provenance")},
@@ -150,16 +145,21 @@ def _query_row(record: SessionRecord, domain: Domain, event: EventRecord) -> Row
 
 
 def _posterior_row(record: SessionRecord, study: Study, posterior: PosteriorRecord) -> Row:
-    names = study.domain.feature_names
-    diagnosed = (*names, *study.response.inferred)
+    n_weights = len(posterior.mean)
     per_quantity = {
-        key: dict(zip(diagnosed, posterior.summary[key], strict=True))
+        key: _by_weight(study, posterior.summary[key][:n_weights])
+        | dict(zip(study.response.inferred, posterior.summary[key][n_weights:], strict=True))
         for key in ("r_hat", "ess_bulk", "ess_tail")
     }
     return {
         "person_id": record.id,
         "query_index": posterior.query_index,
-        "mean": dict(zip(names, posterior.mean.tolist(), strict=True)),
+        "mean": _by_weight(study, posterior.mean.tolist()),
         **posterior.summary,
         **per_quantity,
     }
+
+
+def _by_weight(study: Study, values: list[float | None]) -> Row:
+    """Returns a value for each weight that a posterior of the study may have; None where this one has none (yet)."""
+    return dict(zip_longest(study.weight_names, values))

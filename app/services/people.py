@@ -85,4 +85,7 @@ def _training(answers: ActiveAnswers, record: SessionRecord, study: Study, state
     posteriors = answers.posteriors(record.id)
     # Test answers don't inform the posterior, so the last one knows of active answers alone. (An imported person's
     # doesn't know the very last of those; their study kept none that does.)
-    return Training(pairs, signs, posteriors[-1].mean if posteriors else None)
+    mean = posteriors[-1].mean if posteriors else None
+    # With a learned feature among them, the weights aren't those of the hand-coded features alone.
+    is_hand_coded = mean is not None and len(mean) == len(study.domain.feature_names)
+    return Training(pairs, signs, mean if is_hand_coded else None)

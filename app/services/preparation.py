@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import logging
-from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
+from app.services import learning
+from app.services.chained import then
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
-from study_core.comparison import Choice, ComparisonSet
+from study_core.comparison import Choice
 from study_core.posterior.run import Posterior
-from study_core.session import Action, Event, Phase, QueryPrepared, next_action, phase_of
+from study_core.session import (
+    Action,
+    AnswerGiven,
+    Event,
+    FeatureLearned,
+    Phase,
+    QueryPrepared,
+    SessionState,
+    apply,
+    compared,
+    next_action,
+    phase_of,
+)
 
 log = logging.getLogger(__name__)
 
@@ -31,13 +45,18 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     following = live.state.query_index + 1
     if current is None or following >= live.study.protocol.n_queries:
         return
-    query = current.proposed.query
     if current.phase is Phase.TEST:
-        request = _request(live, following, live.state.comparisons, needs_posterior=False)
+        request = _request(live, live.state, following, needs_posterior=False)
         live.ahead[None] = _submit(runtime, request, _AHEAD)
         return
+    learning.begin_early(runtime, live)
+    feature = learning.feature_before(runtime, live, live.state, following)
+    if feature is not None and not feature.done():
+        feature.add_done_callback(lambda _: runtime.hand_over(_look_ahead_from, runtime, live, current))
+        return
+    learned = None if feature is None else feature.result()
     requests = {
-        choice: _request(live, following, live.state.comparisons.append(query, choice), needs_posterior=True)
+        choice: _request(live, _after(live, choice), following, needs_posterior=True, learned=learned)
         for choice in live.study.answers
     }
     # Answers that say nothing all lead to the same query, which has one key.
@@ -49,11 +68,17 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
 
 
 def continuation_after(
-    runtime: Runtime, live: LiveSession, choice: Choice, comparisons: ComparisonSet
+    runtime: Runtime, live: LiveSession, choice: Choice, after: SessionState
 ) -> Computation:
     """Returns the continuation after an answer to the current query, begun now if it wasn't before.
 
     The one for the other answer is given up.
+
+    Args:
+        runtime: The services' resources.
+        live: The session; the caller holds its lock.
+        choice: The answer.
+        after: The session's state once the answer is taken.
     """
     chosen = live.ahead.get(choice) or live.ahead.get(None)
     for other in live.ahead.values():
@@ -63,18 +88,14 @@ def continuation_after(
     if chosen is not None and chosen.done():
         return chosen
     # Submitted again, what was begun ahead goes before everything that nobody waits for yet.
-    following = live.state.query_index + 1
-    is_informed = phase_of(live.study, live.state.query_index) is Phase.ACTIVE
-    return _submit(runtime, _request(live, following, comparisons, is_informed), _WAITED_FOR)
+    return _begin(runtime, live, after)
 
 
 def prepare(runtime: Runtime, live: LiveSession) -> None:
     """Makes sure that a session that needs a query gets one; the caller holds its lock."""
     if next_action(live.study, live.state) is not Action.PREPARE or None in live.ahead:
         return
-    index = live.state.query_index
-    is_informed = index == 0 or phase_of(live.study, index - 1) is Phase.ACTIVE
-    computation = _submit(runtime, _request(live, index, live.state.comparisons, is_informed), _WAITED_FOR)
+    computation = _begin(runtime, live, live.state)
     if not has_succeeded(computation):
         deliver_when_done(runtime, live, computation)
         return
@@ -87,12 +108,7 @@ def deliver_when_done(runtime: Runtime, live: LiveSession, computation: Computat
     """Appends a continuation to the log as soon as it is computed, and shows it."""
     live.ahead = {None: computation}
 
-    def hand_over(_: Computation) -> None:
-        # Refused when the process is ending; the next one starts the computation again.
-        with suppress(RuntimeError):
-            runtime.background.submit(_deliver, runtime, live, computation)
-
-    computation.add_done_callback(hand_over)
+    computation.add_done_callback(lambda _: runtime.hand_over(_deliver, runtime, live, computation))
 
 
 def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
@@ -137,7 +153,8 @@ def has_succeeded(computation: Computation) -> bool:
 def entry(continuation: Continuation) -> tuple[list[Event], PosteriorRecord | None]:
     """Returns what a continuation adds to the log, and the posterior that is stored with it."""
     prepared, posterior = continuation.prepared, continuation.posterior
-    return [prepared], None if posterior is None else posterior_record(prepared.query_index, posterior)
+    events: list[Event] = [prepared] if continuation.learned is None else [continuation.learned, prepared]
+    return events, None if posterior is None else posterior_record(prepared.query_index, posterior)
 
 
 def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
@@ -177,20 +194,47 @@ def _look_ahead_from(runtime: Runtime, live: LiveSession, prepared: QueryPrepare
             look_ahead(runtime, live)
 
 
+def _after(live: LiveSession, choice: Choice) -> SessionState:
+    """Returns the state that an answer to the current query would lead to."""
+    return apply(live.study, live.state, AnswerGiven(live.state.query_index, choice, None))
+
+
+def _begin(runtime: Runtime, live: LiveSession, state: SessionState) -> Computation:
+    """Starts computing the next query of a state for somebody who waits for it."""
+    index = state.query_index
+    is_informed = index == 0 or phase_of(live.study, index - 1) is Phase.ACTIVE
+
+    def begin_with(learned: FeatureLearned | None) -> Computation:
+        return _submit(runtime, _request(live, state, index, is_informed, learned), _WAITED_FOR)
+
+    feature = learning.feature_before(runtime, live, state, index)
+    if feature is None:
+        return begin_with(None)
+    return begin_with(feature.result()) if feature.done() else then(runtime.hand_over, feature, begin_with)
+
+
 def _request(
-    live: LiveSession, query_index: int, comparisons: ComparisonSet, needs_posterior: bool
+    live: LiveSession,
+    state: SessionState,
+    query_index: int,
+    needs_posterior: bool,
+    learned: FeatureLearned | None = None,
 ) -> Request:
     n_active = live.study.protocol.active_queries
-    test_query = live.opened.test_set[query_index - n_active] if query_index >= n_active else None
-    assert live.state.participant is not None, "a session that has not begun needs no query"
+    knowledge = state.knowledge
+    if learned is not None and learned.feature is not None:
+        knowledge = replace(knowledge, feature=learned.feature)
+    assert state.participant is not None, "a session that has not begun needs no query"
     return Request(
         live.study.text,
-        live.state.participant,
+        state.participant,
         query_index,
-        comparisons,
+        state.comparisons,
         needs_posterior,
-        test_query,
-        live.state.knowledge,
+        live.opened.test_set[query_index - n_active] if query_index >= n_active else None,
+        knowledge,
+        learned,
+        compared(state, query_index) if needs_posterior and knowledge.feature is not None else None,
     )
 
 

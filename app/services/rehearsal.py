@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from itertools import zip_longest
 from threading import Event
 
 import numpy as np
@@ -19,7 +20,7 @@ from app.services.walk import walk
 from study_core.comparison import Choice
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
 from study_core.queries import Provenance, infer_posterior
-from study_core.session import QueryPrepared
+from study_core.session import QueryPrepared, known_comparisons
 from study_core.streams import stream
 from study_core.study import Study
 
@@ -51,7 +52,9 @@ class Crowd:
 
     def person(self, study: Study, number: int) -> SimulatedPerson:
         """Returns the person of that number."""
-        person = draw_person(self.seed, number, study.prior, study.response, study.answers, self.habits)
+        person = draw_person(
+            self.seed, number, study.prior, study.response, study.answers, self.habits, study.domain
+        )
         told = {"rationality": self.rationality, "lapse_rate": self.lapse_rate}
         changed = {name: np.array([value]) for name, value in told.items() if value is not None}
         return replace(person, parameters=replace(person.parameters, **changed))
@@ -127,25 +130,27 @@ def rehearse(
     summary = {
         **summarise(runtime, record.id),
         "true_weights": truth.tolist(),
-        "alignment": alignment(means[-1], truth),
+        "alignment": alignment(means[-1][: len(truth)], truth),
     }
     return Rehearsal(summary, _rows(live, asked, means))
 
 
-def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, " n_features"]]:
+def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, " n_weights"]]:
     """Returns the posterior mean after each answer; answers to test queries don't move it."""
     by_query = {record.query_index: record.mean for record in runtime.store.posteriors(live.record.id)}
     n_active = live.study.protocol.active_queries
     if n_active not in by_query:
         # Nothing is asked after the last active answer, so nobody has needed what it says.
         assert live.state.participant is not None, "the session has begun"
-        last = infer_posterior(live.study, live.state.participant, n_active, live.state.comparisons)
+        study = live.study.knowing(live.state.knowledge)
+        known = known_comparisons(live.study, live.state)
+        last = infer_posterior(study, live.state.participant, n_active, known)
         by_query[n_active] = last.mean
     return [by_query[min(index + 1, n_active)] for index in range(len(live.state.answers))]
 
 
 def _rows(
-    live: LiveSession, asked: list[SimulatedPerson], means: list[Float[np.ndarray, " n_features"]]
+    live: LiveSession, asked: list[SimulatedPerson], means: list[Float[np.ndarray, " n_weights"]]
 ) -> list[Row]:
     """Returns what is known about each query: what was asked and answered, by whom, and what it taught."""
     names = live.study.domain.feature_names
@@ -168,9 +173,9 @@ def _rows(
                 "choice": given.choice.value,
                 "probability": likely[given.choice],
                 "probability_of": {choice.value: value for choice, value in likely.items()},
-                "alignment": alignment(mean, person.weights),
+                "alignment": alignment(mean[: len(names)], person.weights),
                 "feature_difference": dict(zip(names, query.feature_diff.tolist(), strict=True)),
-                "posterior_mean": dict(zip(names, mean.tolist(), strict=True)),
+                "posterior_mean": dict(zip_longest(live.study.weight_names, mean.tolist())),
                 "true_weight": dict(zip(names, person.weights.tolist(), strict=True)),
                 "true_rationality": float(person.parameters.rationality[0]),
                 "true_lapse_rate": float(person.parameters.lapse_rate[0]),

@@ -7,9 +7,10 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 
-from app.services.continuation import Computation, ContinueFn, Engine, TestSetFn
+from app.services.continuation import Computation, ContinueFn, Engine, LearnFn, TestSetFn
 from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
@@ -43,12 +44,14 @@ class LiveSession:
         state: Its log, reduced.
         ahead: The continuation after each possible answer to the current query; under None, one that doesn't depend
             on an answer.
+        learning: The feature that is being learned, and from the answers to how many first queries.
     """
 
     record: SessionRecord
     opened: OpenStudy
     state: SessionState
     ahead: dict[Choice | None, Computation] = field(default_factory=dict)
+    learning: tuple[int, Computation] | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @property
@@ -66,6 +69,7 @@ class Runtime:
         engine: Engine,
         continue_fn: ContinueFn,
         test_set_fn: TestSetFn,
+        learn_fn: LearnFn,
         on_change: Callable[[str], None] = lambda session_id: None,
         trainer: Trainer | None = None,
     ) -> None:
@@ -76,12 +80,14 @@ class Runtime:
             engine: Where continuations are computed.
             continue_fn: Computes a continuation.
             test_set_fn: Computes a study's common test set.
+            learn_fn: Learns a feature from a session's own answers.
             on_change: Told the id of a session whose log has grown, after it is durable.
             trainer: Learns from whoever has finished; None where nobody is to be learned from.
         """
         self.store = store
         self.engine = engine
         self.continue_fn = continue_fn
+        self.learn_fn = learn_fn
         self.on_change = on_change
         self.trainer = trainer
         self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
@@ -94,6 +100,11 @@ class Runtime:
     def close(self) -> None:
         """Waits for background work; the store, the engine and the trainer belong to the caller."""
         self.background.shutdown(wait=True)
+
+    def hand_over(self, function: Callable[..., object], *arguments: object) -> None:
+        """Runs a function soon, in the background; refused when the process is ending: the next one begins again."""
+        with suppress(RuntimeError):
+            self.background.submit(function, *arguments)
 
     def open_study(self, study: Study) -> OpenStudy:
         """Stores a study, and computes its test set unless it is stored already."""

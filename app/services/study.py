@@ -198,7 +198,7 @@ def _take(
     if next_action(live.study, after) is not Action.PREPARE:
         runtime.append(live, [given], report=report)
         return None, None
-    computation = preparation.continuation_after(runtime, live, given.choice, after.comparisons)
+    computation = preparation.continuation_after(runtime, live, given.choice, after)
     if not preparation.has_succeeded(computation):
         runtime.append(live, [given], report=report)
         return None, computation

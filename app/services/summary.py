@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from app.services.runtime import Runtime
 from study_core import session_codec
-from study_core.comparison import ComparisonSet
 from study_core.evaluation.metrics import accuracy
-from study_core.session import Phase, SessionState
+from study_core.session import SessionState, test_comparisons
+from study_core.study import Study
 
 Json = dict[str, Any]
 
@@ -27,7 +27,7 @@ def summarise(runtime: Runtime, session_id: str) -> Json:
         "participant": live.state.participant,
         "queries": _queries(live.state),
         "posterior": {"mean": mean.tolist(), **posteriors[-1].summary},
-        "test_accuracy": test_accuracy(live.state, mean),
+        "test_accuracy": test_accuracy(live.study, live.state, mean),
     }
 
 
@@ -46,10 +46,9 @@ def _queries(state: SessionState) -> list[Json]:
     return rows
 
 
-def test_accuracy(state: SessionState, weights: Float[np.ndarray, " n_features"]) -> float | None:
+def test_accuracy(
+    study: Study, state: SessionState, weights: Float[np.ndarray, " n_weights"]
+) -> float | None:
     """Returns the share of test answers that w predicts, of those that prefer one; None without any."""
-    test_answers = ComparisonSet.empty(len(weights))
-    for prepared, given in zip(state.prepared, state.answers, strict=False):
-        if prepared.phase is Phase.TEST and given.choice.sign != 0.0:
-            test_answers = test_answers.append(prepared.proposed.query, given.choice)
-    return accuracy(weights, test_answers) if len(test_answers) else None
+    answers = test_comparisons(study, state)
+    return accuracy(weights, answers) if len(answers) else None

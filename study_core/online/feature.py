@@ -9,12 +9,26 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from study_core.comparison import ComparisonSet
 from study_core.domain import Domain
 from study_core.networks.checkpoint import Checkpoint, to_bytes
 from study_core.networks.model import Examples, Networks
 
 N_FOLDS = 5
 """Networks are trained without one fold of the answers each, so that every answer has networks that don't know it."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Answers with the trajectories that they compared.
+
+    Attributes:
+        comparisons: The answers, in the hand-coded features.
+        controls: Of A and B of each, shape `(n, 2, n_controls)`.
+    """
+
+    comparisons: ComparisonSet
+    controls: Float[np.ndarray, "n 2 n_controls"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +39,7 @@ class LearnedFeature:
     pair among them is what the networks say that were trained without it, as in stacking (Wolpert 1992).
 
     Attributes:
-        checkpoint: The networks, fold by fold, as many for each; their linear weights are in units of reward.
+        checkpoint: The networks, fold by fold, as many for each.
         n_learned_from: How many answers taught it, the first ones; answer i is in fold i modulo `N_FOLDS`.
         drives: Controls of local optima of rewards that the feature has a part in, shape `(n_drives, n_controls)`;
             none where the study has no bank.
@@ -65,25 +79,39 @@ class LearnedFeature:
         inputs = self.checkpoint.config.inputs_of(domain, states)
         return self._of_each_fold(inputs, np.zeros_like(inputs)).mean(axis=0)
 
-    def of_compared(
-        self,
-        domain: Domain,
-        states_a: Float[np.ndarray, "n n_steps n_states"],
-        states_b: Float[np.ndarray, "n n_steps n_states"],
-    ) -> Float[np.ndarray, " n"]:
-        """Returns the feature of A less that of B for the session's answers, in their order.
+    def with_slopes(
+        self, inputs: Float[np.ndarray, "n n_steps n_inputs"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_steps n_inputs"]]:
+        """Returns the feature of each trajectory, up to a constant, and its slopes in the networks' inputs.
+
+        In double precision, since a climb needs values as smooth as its slopes.
+        """
+        values, slopes = np.zeros(len(inputs)), np.zeros_like(inputs)
+        networks = self.checkpoint.networks
+        for row in range(len(networks)):
+            hidden_weights = networks.hidden_weights[row].astype(np.float64)
+            to_outputs = networks.output_weights[row].astype(np.float64)
+            hidden = inputs @ hidden_weights.T + networks.hidden_biases[row]
+            outputs = np.tanh(np.maximum(hidden, 0.0) @ to_outputs.T + networks.output_biases[row])
+            linear = networks.linear_weights[row] / len(networks)
+            values += outputs.sum(axis=1) @ linear
+            slopes += ((1.0 - outputs**2) * linear @ to_outputs * (hidden > 0.0)) @ hidden_weights
+        return values, slopes
+
+    def added_to(self, domain: Domain, compared: Compared) -> ComparisonSet:
+        """Returns a session's answers, in their order, in the hand-coded features and this one.
 
         Args:
             domain: Gives the networks' inputs.
-            states_a: Of trajectory A of each pair.
-            states_b: Of trajectory B.
+            compared: All the answers so far, those that taught the feature first.
         """
-        config = self.checkpoint.config
-        of_folds = self._of_each_fold(config.inputs_of(domain, states_a), config.inputs_of(domain, states_b))
+        config, comparisons = self.checkpoint.config, compared.comparisons
+        inputs = [config.inputs_of(domain, domain.rollout(compared.controls[:, side])) for side in (0, 1)]
+        of_folds = self._of_each_fold(*inputs)
         diffs = of_folds.mean(axis=0)
-        known = np.arange(min(self.n_learned_from, len(diffs)))
+        known = np.arange(self.n_learned_from)
         diffs[known] = of_folds[known % N_FOLDS, known]
-        return diffs
+        return ComparisonSet(np.column_stack([comparisons.feature_diffs, diffs]), comparisons.signs)
 
     def _of_each_fold(
         self,

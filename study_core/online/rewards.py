@@ -60,17 +60,19 @@ class DomainWithFeature:
     def reward_and_gradient(
         self, controls: Float[np.ndarray, "n n_controls"], weights: Float[np.ndarray, "n n_features"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_controls"]]:
-        """Returns w . Phi and its gradient; the learned part's is a central difference."""
+        """Returns w . Phi and its gradient; how the networks' inputs move with the controls is a central difference."""
         rewards, gradients = self.base.reward_and_gradient(controls, weights[:, :-1])
-        learned, slopes = central_differences(self._learned, controls)
-        return rewards + weights[:, -1] * learned, gradients + weights[:, -1:] * slopes
+        inputs, moves = central_differences(self._inputs, controls)
+        learned, slopes = self.feature.with_slopes(inputs)
+        of_controls = np.einsum("ntk,nctk->nc", slopes, moves)
+        return rewards + weights[:, -1] * learned, gradients + weights[:, -1:] * of_controls
 
     def scene(self, controls: Float[np.ndarray, " n_controls"]) -> Scene:
         """See `Domain`."""
         return self.base.scene(controls)
 
-    def _learned(self, controls: Float[np.ndarray, "n n_controls"]) -> Float[np.ndarray, " n"]:
-        return self.feature.of_trajectories(self.base, self.base.rollout(controls))
+    def _inputs(self, controls: Float[np.ndarray, "n n_controls"]) -> Float[np.ndarray, "n n_steps n_inputs"]:
+        return self.feature.checkpoint.config.inputs_of(self.base, self.base.rollout(controls))
 
 
 def rewards_with(base: Rewards, feature: LearnedFeature) -> Rewards:
@@ -82,19 +84,25 @@ def rewards_with(base: Rewards, feature: LearnedFeature) -> Rewards:
 
 @lru_cache(maxsize=_MOST_BANKS)
 def _bank_with(domain_id: str, feature: LearnedFeature) -> Bank:
-    """Returns the domain's bank with the feature's own drives after its drives.
+    """Returns the domain's bank, the feature's own drives after the others.
 
     The domain's drives stay local optima, of rewards in which the feature has no part.
     """
     base = open_bank(domain_named(domain_id))
     domain = DomainWithFeature(domain_named(domain_id), feature)
-    controls = np.vstack([base.controls, feature.drives])
     without_feature = np.column_stack([base.weights, np.zeros(len(base.weights))])
-    return replace(
+    added = replace(
         base,
         domain_id=domain.id,
-        controls=controls,
-        features=domain.features(domain.rollout(controls)),
+        features=domain.features(domain.rollout(base.controls)),
+        weights=without_feature,
+    )
+    if not len(feature.drives):
+        return added
+    return replace(
+        added,
+        controls=np.vstack([base.controls, feature.drives]),
+        features=np.vstack([added.features, domain.features(domain.rollout(feature.drives))]),
         weights=np.vstack([without_feature, feature.drive_weights]),
         paths=np.concatenate([base.paths, visible_paths(domain, feature.drives)]),
     )

@@ -1,0 +1,43 @@
+"""A computation that begins when another is done, with its result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+from app.services.continuation import Computation
+
+HandOver = Callable[..., None]
+"""Runs a function with its arguments soon, in another thread; not at all when the process is ending."""
+
+
+def then(hand_over: HandOver, first: Computation, begin: Callable[[Any], Computation]) -> Computation:
+    """Returns what `begin` computes from the result of `first`, and fails as either of them fails.
+
+    Args:
+        hand_over: Runs `begin`: whoever completes `first` has other things to do.
+        first: On its way.
+        begin: Takes the result of `first`; starts the second computation.
+    """
+    chained: Future[Any] = Future()
+    first.add_done_callback(lambda _: hand_over(_begin_second, first, begin, chained))
+    return chained
+
+
+def _begin_second(first: Computation, begin: Callable[[Any], Computation], chained: Future[Any]) -> None:
+    if not chained.set_running_or_notify_cancel():
+        return
+    try:
+        second = begin(first.result())
+    except Exception as error:  # noqa: BLE001 - handed on to whoever asks
+        chained.set_exception(error)
+        return
+    second.add_done_callback(lambda done: _finish(done, chained))
+
+
+def _finish(second: Computation, chained: Future[Any]) -> None:
+    try:
+        chained.set_result(second.result())
+    except Exception as error:  # noqa: BLE001 - handed on to whoever asks
+        chained.set_exception(error)

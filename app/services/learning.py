@@ -1,0 +1,44 @@
+"""Online feature learning: begun some queries before the first query that is chosen with what is learned."""
+
+from __future__ import annotations
+
+from app.services.continuation import Computation, FeatureRequest
+from app.services.runtime import LiveSession, Runtime
+from study_core.online.schedule import LEAD
+from study_core.session import SessionState, compared, feature_due
+
+# Before the models of people who have finished, which nobody is going to wait for.
+_URGENCY = 0.0
+
+
+def begin_early(runtime: Runtime, live: LiveSession) -> None:
+    """Starts learning what will be due, as soon as the answers are there."""
+    upcoming = live.state.query_index + LEAD
+    if feature_due(live.study, live.state, upcoming) <= len(live.state.answers):
+        feature_before(runtime, live, live.state, upcoming)
+
+
+def feature_before(
+    runtime: Runtime, live: LiveSession, state: SessionState, query_index: int
+) -> Computation | None:
+    """Returns the feature that is due before a query, as `FeatureLearned`, begun now if it wasn't; None if none is.
+
+    Args:
+        runtime: The services' resources.
+        live: The session; the caller holds its lock.
+        state: A state of it that has all the answers that the feature is learned from.
+        query_index: The query.
+    """
+    n_queries = feature_due(live.study, state, query_index)
+    if not n_queries:
+        return None
+    if live.learning is None or live.learning[0] != n_queries:
+        assert state.participant is not None, "a session with answers has begun"
+        request = FeatureRequest(
+            live.study.text, state.participant, n_queries + LEAD, n_queries, compared(state, n_queries)
+        )
+        live.learning = (
+            n_queries,
+            runtime.engine.submit(request.key, runtime.learn_fn, request, _URGENCY, resource="training"),
+        )
+    return live.learning[1]
