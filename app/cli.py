@@ -465,6 +465,20 @@ def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
         _print_result(training.run(seed, progress), json_)
 
 
+@bench.command("feature")
+def bench_feature(
+    people: Annotated[int, typer.Option(min=2, help="Simulated people of each taste.")] = 20,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+) -> None:
+    """Accuracy with and without a feature learned in the middle of a session; some minutes on two cores."""
+    from app.bench import feature
+
+    _open_bank(find_study(feature.STUDY))
+    with _progress() as progress:
+        _print_result(feature.run(seed, people, progress), json_)
+
+
 @bench.command("published")
 def bench_published(
     data: Annotated[

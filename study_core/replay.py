@@ -1,24 +1,24 @@
-"""Whether a query derived again is the query that was asked, to the last bit."""
+"""Whether what is derived again is what was stored, to the last bit."""
 
 from __future__ import annotations
 
 from study_core import session_codec
-from study_core.session import QueryPrepared
+from study_core.session import Event
 
-# What says when and by whom a query was computed, not which query it is.
+# What says when and by whom something was computed, not what it is.
 _CIRCUMSTANCES = ("code_version", "compute_ms")
 
 
-def first_difference(stored: QueryPrepared, derived: QueryPrepared) -> str | None:
+def first_difference(stored: Event, derived: Event) -> str | None:
     """Returns the name and both values of the first number or text that differs, or None.
 
-    The cost of computing it and the version of the program are circumstances, not part of the query.
+    The cost of computing it and the version of the program are circumstances, not part of it.
     """
     return _difference("", _content(stored), _content(derived))
 
 
-def _content(prepared: QueryPrepared) -> session_codec.Json:
-    content = session_codec.to_json(prepared)
+def _content(event: Event) -> session_codec.Json:
+    content = session_codec.to_json(event)
     return {key: value for key, value in content.items() if key not in _CIRCUMSTANCES}
 
 

@@ -20,7 +20,7 @@ from study_core.comparison import Choice
 from study_core.errors import ScriptError, StudyError
 from study_core.queries import Participant
 from study_core.replay import first_difference
-from study_core.session import AnswerGiven, QueryPrepared, SessionBegun
+from study_core.session import AnswerGiven, FeatureLearned, QueryPrepared, SessionBegun
 from study_core.study import Study, parse_study
 
 
@@ -38,6 +38,7 @@ class Script:
         participant: Names the session's random streams.
         answers: In order.
         stored: The queries as they were asked, or none for a script written by hand.
+        learned: The features that were learned on the way, as they were stored.
     """
 
     source: str
@@ -45,6 +46,7 @@ class Script:
     participant: Participant
     answers: tuple[AnswerGiven, ...]
     stored: tuple[QueryPrepared, ...] = ()
+    learned: tuple[FeatureLearned, ...] = ()
 
 
 def read_scripts(path: Path) -> Iterator[Script]:
@@ -86,6 +88,7 @@ def replay(runtime: Runtime, script: Script) -> Json:
     # A person who left in the middle answered no more than this.
     with suppress(StopIteration):
         walk(runtime, record.id, answer)
+    _compare_learned(script, runtime, record.id)
     return summarise(runtime, record.id)
 
 
@@ -97,6 +100,17 @@ def _compare(script: Script, derived: QueryPrepared) -> None:
         raise ReplayDifferenceError(
             f"{script.source}: query {derived.query_index} is not the one that was asked: {difference}."
         )
+
+
+def _compare_learned(script: Script, runtime: Runtime, session_id: str) -> None:
+    derived = [event for event in runtime.events(session_id) if isinstance(event, FeatureLearned)]
+    for stored, again in zip(script.learned, derived, strict=False):
+        difference = first_difference(stored, again)
+        if difference is not None:
+            raise ReplayDifferenceError(
+                f"{script.source}: the feature learned before query {stored.query_index} is not the one that the "
+                f"session went on with: {difference}."
+            )
 
 
 def _require_count(script: Script) -> None:
@@ -206,4 +220,5 @@ def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json
         begun.participant,
         tuple(event for event in events if isinstance(event, AnswerGiven)),
         tuple(event for event in events if isinstance(event, QueryPrepared)),
+        tuple(event for event in events if isinstance(event, FeatureLearned)),
     )

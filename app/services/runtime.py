@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -165,9 +165,12 @@ class Runtime:
         study = parse_study(self.store.study_text(record.study_hash))
         return LiveSession(record, self.open_study(study), self._stored_state(study, session_id))
 
+    def events(self, session_id: str) -> Iterator[Event]:
+        """Gives the stored log of a session."""
+        return (session_codec.from_json(e.kind, e.payload) for e in self.store.events(session_id))
+
     def _stored_state(self, study: Study, session_id: str) -> SessionState:
-        events = (session_codec.from_json(e.kind, e.payload) for e in self.store.events(session_id))
-        return reduce(study, events)
+        return reduce(study, self.events(session_id))
 
     def append(
         self,

@@ -32,7 +32,7 @@ class DomainWithFeature:
     def __init__(self, base: Domain, feature: LearnedFeature) -> None:
         self.base = base
         self.feature = feature
-        self.id = f"{base.id}+{feature.digest}"
+        self.id = f"{FEATURE_NAME}-{feature.digest}+{base.id}"
         self.feature_names = (*base.feature_names, FEATURE_NAME)
         self.rich_feature_names = base.rich_feature_names
         self.network_input_names = base.network_input_names

@@ -9,12 +9,18 @@ from hypothesis import strategies as st
 
 from study_core.comparison import Choice
 from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.knowledge import NOTHING, Knowledge
+from study_core.posterior.population import PopulationPrior
 from study_core.session import (
     Action,
     AnswerGiven,
+    FeatureLearned,
     Phase,
+    PopulationAdopted,
     SessionBegun,
     apply,
+    compared,
+    feature_due,
     initial_state,
     next_action,
     phase_of,
@@ -22,7 +28,7 @@ from study_core.session import (
     reduce,
 )
 from study_core.study import parse_study
-from tests.study_core.made_up import prepared
+from tests.study_core.made_up import learned_feature, prepared
 from tests.study_core.references import study_text
 
 N_ACTIVE, N_TEST = 3, 2
@@ -200,6 +206,64 @@ def test_beginning_names_the_participant():
     assert reduce(STUDY, [SessionBegun("rehearsal")]).participant == "rehearsal"
 
 
+def test_what_is_learned_is_known_from_then_on_and_a_training_that_diverged_changes_nothing():
+    population = PopulationAdopted(0, "key", ("one",), PopulationPrior(np.ones(4), np.eye(4)))
+    first, second = learned_feature(seed=1), learned_feature(seed=2)
+    state = reduce(STUDY, [BEGUN, population, FIRST, ANSWERED])
+    assert state.knowledge == Knowledge(population.population, None)
+    state = apply(STUDY, state, FeatureLearned(1, 1, first, "0.1.0"))
+    assert (state.knowledge.feature, state.n_queries_learned) == (first, 1)
+    diverged = apply(STUDY, state, FeatureLearned(1, 2, None, "0.1.0"))
+    assert (diverged.knowledge.feature, diverged.n_queries_learned) == (first, 2)
+    replaced = apply(STUDY, diverged, FeatureLearned(1, 3, second, "0.1.0"))
+    assert replaced.knowledge == Knowledge(population.population, second)
+    taken_out = PopulationAdopted(0, "key", ("one",), None)
+    assert reduce(STUDY, [BEGUN, taken_out, FIRST]).knowledge == NOTHING
+
+
+LEARNING = parse_study(
+    study_text(
+        protocol__active_queries=20,
+        protocol__test_queries=1,
+        response__answers=["a", "b", "skip"],
+        response__rationality="inferred",
+        prior__support="sphere",
+        learning__feature_every=10,
+    )
+)
+
+
+def log_of(choices):
+    log = [SessionBegun(1)]
+    for index, choice in enumerate(choices):
+        log += [prepared(index), AnswerGiven(index, choice, 700)]
+    return log
+
+
+def test_a_feature_is_due_before_each_block_once_it_can_be_learned():
+    state = reduce(LEARNING, log_of([Choice.A, Choice.B] * 8))
+    assert [feature_due(LEARNING, state, index) for index in (9, 10, 19, 20, 21)] == [0, 0, 0, 16, 16]
+    learned = apply(LEARNING, state, FeatureLearned(16, 16, learned_feature(), "0.1.0"))
+    assert feature_due(LEARNING, learned, 20) == 0
+    assert feature_due(STUDY, reduce(STUDY, whole_log([Choice.A] * N)), N) == 0
+
+
+def test_no_feature_is_learned_from_fewer_than_ten_preferences():
+    enough = reduce(LEARNING, log_of([Choice.SKIP] * 6 + [Choice.A] * 10))
+    too_few = reduce(LEARNING, log_of([Choice.SKIP] * 7 + [Choice.A] * 9))
+    assert (feature_due(LEARNING, enough, 20), feature_due(LEARNING, too_few, 20)) == (16, 0)
+
+
+def test_what_was_compared_is_what_the_posterior_sees_of_the_first_queries():
+    choices = [Choice.A, Choice.SKIP, Choice.B, Choice.B, Choice.SKIP, Choice.A]
+    state = reduce(LEARNING, log_of(choices))
+    found = compared(state, 5)
+    queries = [prepared(index).proposed.query for index in (0, 2, 3)]
+    np.testing.assert_array_equal(found.comparisons.signs, [1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(found.comparisons.feature_diffs, [query.feature_diff for query in queries])
+    np.testing.assert_array_equal(found.controls, [[query.controls_a, query.controls_b] for query in queries])
+
+
 BEGUN, FIRST = SessionBegun(1), prepared(0)
 ANSWERED = AnswerGiven(0, Choice.A, 500)
 FINISHED = whole_log([Choice.A] * N)
@@ -223,6 +287,10 @@ ILLEGAL = {
         AnswerGiven(0, Choice.SAME, 500),
         SessionError,
     ),
+    "learning while a query is asked": ([BEGUN, FIRST], FeatureLearned(0, 1, None, "0.1.0"), SessionError),
+    "learning for another query": ([BEGUN], FeatureLearned(1, 1, None, "0.1.0"), SessionError),
+    "adopting before the beginning": ([], PopulationAdopted(0, "key", (), None), SessionError),
+    "learning after the end": (FINISHED, FeatureLearned(N, 1, None, "0.1.0"), SessionError),
     "one answer too many": (FINISHED, AnswerGiven(N, Choice.A, 5), AnswerNotCurrentError),
 }
 

@@ -13,9 +13,18 @@ from hypothesis.extra.numpy import arrays
 from study_core import session_codec
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
+from study_core.online.feature import LearnedFeature
+from study_core.posterior.population import PopulationPrior
 from study_core.queries import Imported, ProposedQuery
-from study_core.session import AnswerGiven, Phase, QueryPrepared, SessionBegun
-from tests.study_core.made_up import prepared, proposed
+from study_core.session import (
+    AnswerGiven,
+    FeatureLearned,
+    Phase,
+    PopulationAdopted,
+    QueryPrepared,
+    SessionBegun,
+)
+from tests.study_core.made_up import learned_feature, prepared, proposed
 
 IMPORTED = Imported("test10.jld2", "5a" * 32, 74)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
@@ -31,6 +40,8 @@ def same(first, second):
     """Equality of type and value, all the way down; arrays bit for bit, signs of zero included."""
     if type(first) is not type(second):
         return False
+    if isinstance(first, LearnedFeature):
+        return first == second
     if dataclasses.is_dataclass(first):
         return all(
             same(getattr(first, field.name), getattr(second, field.name))
@@ -55,6 +66,12 @@ def same(first, second):
         AnswerGiven(7, Choice.A, 0),
         *(AnswerGiven(0, choice, 86_400_000) for choice in Choice),
         AnswerGiven(0, Choice.A, None),
+        PopulationAdopted(
+            0, "population-1f", ("one", "two"), PopulationPrior(np.arange(4.0) / 3, np.eye(4) / 7)
+        ),
+        PopulationAdopted(0, "population-1f", ("one",), None),
+        FeatureLearned(20, 16, learned_feature(), "0.1.0"),
+        FeatureLearned(20, 16, None, "0.1.0"),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
         QueryPrepared(
             3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", compute_ms=None
@@ -99,10 +116,21 @@ def test_a_test_set_comes_back_as_it_was():
 
 
 def test_every_kind_of_event_has_a_name_of_its_own():
-    kinds = [
-        session_codec.kind_of(event) for event in (SessionBegun(1), prepared(0), AnswerGiven(0, Choice.A, 1))
+    events = (
+        SessionBegun(1),
+        PopulationAdopted(0, "key", ("one",), None),
+        FeatureLearned(20, 16, None, "0.1.0"),
+        prepared(0),
+        AnswerGiven(0, Choice.A, 1),
+    )
+    kinds = [session_codec.kind_of(event) for event in events]
+    assert kinds == [
+        "session_begun",
+        "population_adopted",
+        "feature_learned",
+        "query_prepared",
+        "answer_given",
     ]
-    assert kinds == ["session_begun", "query_prepared", "answer_given"]
 
 
 GOOD = session_codec.to_json(prepared(0))
@@ -112,6 +140,19 @@ UNREADABLE = {
     "a beginning of nobody": ("session_begun", {}),
     "an answer without a choice": ("answer_given", {"query_index": 0, "response_time_ms": 5}),
     "an answer neither a nor b": ("answer_given", {"query_index": 0, "choice": "c", "response_time_ms": 5}),
+    "a feature of other bytes": (
+        "feature_learned",
+        {
+            "query_index": 20,
+            "n_queries": 16,
+            "feature": {"checkpoint": "AAAA", "n_learned_from": 16, "drives": [], "drive_weights": []},
+            "code_version": "0.1.0",
+        },
+    ),
+    "a population without numbers": (
+        "population_adopted",
+        {"query_index": 0, "key": "k", "learned_from": [], "population": {"mean": [1.0]}},
+    ),
     "a query without numbers": ("query_prepared", {**GOOD, "query": {}}),
     "a query that is a list": ("query_prepared", {**GOOD, "query": [1, 2]}),
     "a query of texts": ("query_prepared", {**GOOD, "query": {**GOOD["query"], "controls_a": ["x"]}}),

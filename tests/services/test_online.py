@@ -1,0 +1,141 @@
+"""A session learns a feature from its own answers and goes on with it; its log says when, from what, and with what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from app import wiring
+from app.services import study as services
+from app.services.export import export
+from app.services.learning import feature_before
+from app.services.rehearsal import Crowd, Rehearsal, rehearse
+from app.services.replay import ReplayDifferenceError, read_scripts, replay
+from app.services.runtime import Runtime
+from app.services.walk import walk
+from app.settings import find_study
+from study_core.comparison import Choice
+from study_core.online.learn import learn_feature
+from study_core.participants import Habits
+from study_core.session import FeatureLearned, compared
+from study_core.session_codec import from_json
+from study_core.study import Study, parse_study
+
+BOTH_SIDES = Crowd(4, 1, Habits(hidden_feature="side", hidden_weight=1.0), rationality=100.0, lapse_rate=0.02)
+
+
+def online(*replacements: tuple[str, str]) -> Study:
+    text = find_study("online").text
+    for old, new in (
+        ("active_queries = 60 ", "active_queries = 20 "),
+        ("test_queries = 40 ", "test_queries = 2 "),
+        ("feature_every = 20 ", "feature_every = 10 "),
+        *replacements,
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    return parse_study(text)
+
+
+STUDY = online()
+
+
+@pytest.fixture(scope="module")
+def rehearsed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Runtime, Rehearsal]]:
+    url = f"sqlite:///{tmp_path_factory.mktemp('online') / 'online.db'}"
+    with wiring.headless(url) as runtime:
+        yield runtime, rehearse(runtime, STUDY, BOTH_SIDES, 1, lambda: None)
+
+
+def test_the_log_says_when_a_feature_came_and_from_how_many_queries(
+    rehearsed: tuple[Runtime, Rehearsal],
+) -> None:
+    runtime, _ = rehearsed
+    (record,) = runtime.store.sessions()
+    events = list(runtime.events(record.id))
+    learned = [(event.query_index, event.n_queries) for event in events if isinstance(event, FeatureLearned)]
+    # Six answers, before query 10, are too few to learn from; sixteen are enough, before the last posterior.
+    assert learned == [(20, 16)]
+
+
+def test_posteriors_have_one_weight_more_from_then_on(rehearsed: tuple[Runtime, Rehearsal]) -> None:
+    runtime, rehearsal = rehearsed
+    (record,) = runtime.store.sessions()
+    widths = {one.query_index: one.samples.shape[1] for one in runtime.store.posteriors(record.id)}
+    assert widths == {**dict.fromkeys(range(20), 4), 20: 5}
+    assert [row["posterior_mean"]["learned"] is None for row in rehearsal.rows] == [True] * 19 + [False] * 3
+    assert set(rehearsal.rows[0]) == set(rehearsal.rows[-1])
+
+
+def test_the_feature_is_the_one_that_the_first_answers_teach(rehearsed: tuple[Runtime, Rehearsal]) -> None:
+    runtime, _ = rehearsed
+    (record,) = runtime.store.sessions()
+    state = runtime.live(record.id).state
+    assert state.participant is not None
+    expected = learn_feature(STUDY, state.participant, 16, compared(state, 16))
+    assert state.knowledge.feature == expected
+
+
+LONGER = online(
+    ("active_queries = 20 ", "active_queries = 32 "), ("feature_every = 10 ", "feature_every = 15 ")
+)
+
+
+def test_queries_after_a_feature_are_chosen_with_it_and_replay_derives_it_again(tmp_path: Path) -> None:
+    with wiring.headless() as runtime:
+        rehearse(runtime, LONGER, BOTH_SIDES, 1, lambda: None)
+        (record,) = runtime.store.sessions()
+        prepared = runtime.live(record.id).state.prepared
+        export(runtime.store, tmp_path / "out", "jsonl", "all", lambda: None)
+        export(runtime.store, tmp_path / "csv", "csv", "all", lambda: None)
+    weights = [one.proposed.provenance.weights_a for one in prepared[:32]]
+    assert [len(one) for one in weights] == [4] * 15 + [5] * 17
+    with wiring.headless() as runtime:
+        (script,) = read_scripts(tmp_path / "out")
+        assert [event.query_index for event in script.learned] == [15, 30]
+        replay(runtime, script)
+    feature = script.learned[0].feature
+    assert feature is not None
+    moved = replace(feature, drives=feature.drives + 1e-9)
+    changed = replace(script, learned=(replace(script.learned[0], feature=moved), *script.learned[1:]))
+    with wiring.headless() as runtime, pytest.raises(ReplayDifferenceError, match="before query 15 is not"):
+        replay(runtime, changed)
+
+
+def test_somebody_who_skips_is_asked_on_without_a_feature() -> None:
+    study = online(("[prior]", 'answers = ["a", "b", "skip"]\n\n[prior]'))
+    with wiring.headless() as runtime:
+        _, record = services.join(runtime, study, rehearsal="skips")
+        walk(runtime, record.id, lambda prepared: (Choice.SKIP, 900))
+        kinds = {event.kind for event in runtime.store.events(record.id)}
+        widths = {one.samples.shape[1] for one in runtime.store.posteriors(record.id)}
+    assert "feature_learned" not in kinds
+    assert widths == {4}
+
+
+def test_learning_begins_as_soon_as_the_answers_are_there(rehearsed: tuple[Runtime, Rehearsal]) -> None:
+    runtime, _ = rehearsed
+    _, record = services.join(runtime, STUDY, rehearsal="early")
+    live = runtime.live(record.id)
+    for index in range(17):
+        assert (live.learning is not None) == (index >= 16)
+        services.answer(runtime, record.id, index, "ab"[index % 2], 900)
+        services.screen(runtime, record.id)
+    assert live.learning is not None
+    assert live.learning[0] == 16
+    assert feature_before(runtime, live, live.state, 20) is live.learning[1]
+
+
+def test_a_session_read_again_goes_on_with_what_it_had_learned(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'again.db'}"
+    with wiring.headless(url) as runtime:
+        rehearse(runtime, STUDY, BOTH_SIDES, 1, lambda: None)
+        (record,) = runtime.store.sessions()
+        before = runtime.live(record.id).state.knowledge
+    with wiring.headless(url) as runtime:
+        assert runtime.live(record.id).state.knowledge == before
+        stored = [from_json(event.kind, event.payload) for event in runtime.store.events(record.id)]
+    assert sum(isinstance(event, FeatureLearned) for event in stored) == 1
