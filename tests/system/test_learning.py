@@ -1,7 +1,8 @@
-"""Whoever finishes a served study is learned from, by a process of the engine, even if that one is killed."""
+"""Served people are learned from by a process of the engine, after their session and in the middle of it."""
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 
@@ -12,8 +13,12 @@ from app.services.people import person
 from app.settings import find_study
 from app.store import Store, open_store
 from app.training import PERSONAL_NETWORK
+from study_core import session_codec
 from study_core.networks.checkpoint import from_bytes
+from study_core.online.learn import learn_feature
 from study_core.predictors.personal_network import PersonalNetwork, model_of
+from study_core.session import FeatureLearned, compared, reduce
+from study_core.study import parse_study
 from tests.support.screens import screens
 from tests.support.server import ServerProcess, kill_process, running_server
 
@@ -28,10 +33,23 @@ def study_in(folder: Path) -> str:
     return str(path)
 
 
-def answer_everything(server: ServerProcess) -> None:
+def online_study_in(folder: Path) -> str:
+    text = find_study("online").text
+    for old, new in (
+        ("active_queries = 60 ", "active_queries = 24 "),
+        ("test_queries = 40 ", "test_queries = 1 "),
+        ("feature_every = 20 ", "feature_every = 15 "),
+    ):
+        text = text.replace(old, new)
+    path = folder / "online.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def answer_everything(server: ServerProcess, name: str, n_queries: int) -> None:
     with httpx.Client(base_url=server.url, timeout=60.0) as client:
-        home = client.post("/join/quickstart", content=b"").headers["location"]
-        for index in range(_N_ACTIVE + 1):
+        home = client.post(f"/join/{name}", content=b"").headers["location"]
+        for index in range(n_queries):
             next(screen for screen in screens(client, home) if screen["query_index"] == index)
             body = {"query_index": index, "choice": "ab"[index % 2], "response_time_ms": 900}
             client.post(f"{home}answer", json=body).raise_for_status()
@@ -49,7 +67,7 @@ def arrived(store: Store, session_id: str) -> bytes:
 
 def test_whoever_finishes_is_learned_from_though_workers_die(tmp_path: Path) -> None:
     with running_server(tmp_path, study_in(tmp_path)) as server:
-        answer_everything(server)
+        answer_everything(server, "quickstart", _N_ACTIVE + 1)
         for worker in server.children("dask_worker"):
             kill_process(worker)
         with open_store(server.database) as store:
@@ -64,3 +82,27 @@ def test_whoever_finishes_is_learned_from_though_workers_die(tmp_path: Path) -> 
     np.testing.assert_array_equal(
         model.probability_of_a(known.training.pairs), expected.probability_of_a(known.training.pairs)
     )
+
+
+def test_a_served_session_goes_on_with_the_feature_that_its_answers_taught_though_workers_die(
+    tmp_path: Path,
+) -> None:
+    with running_server(tmp_path, online_study_in(tmp_path)) as server:
+        killer = threading.Timer(
+            1.0, lambda: [kill_process(worker) for worker in server.children("dask_worker")]
+        )
+        killer.start()
+        answer_everything(server, "online", 25)
+        killer.join()
+        database = server.database
+    with open_store(database) as store:
+        (record,) = store.sessions()
+        study = parse_study(store.study_text(record.study_hash))
+        events = [session_codec.from_json(event.kind, event.payload) for event in store.events(record.id)]
+        widths = {one.query_index: one.samples.shape[1] for one in store.posteriors(record.id)}
+    (learned,) = [event for event in events if isinstance(event, FeatureLearned)]
+    before = reduce(study, events[: events.index(learned)])
+    assert before.participant is not None
+    assert (learned.query_index, learned.n_queries) == (15, 11)
+    assert learned.feature == learn_feature(study, before.participant, 11, compared(before, 11))
+    assert widths == {index: 4 if index < 15 else 5 for index in range(25)}
