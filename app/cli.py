@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
@@ -12,15 +11,15 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 import app.process  # noqa: F401  - before numpy
 from app import log
+from app.bench.cli import bench
 from app.errors import AppError
 from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
+from app.terminal import JsonOption, SeedOption, build_bank, console, counter, new_progress
 from study_core.errors import StudyCoreError
-from study_core.study import Study
 
 cli = typer.Typer(
     name="prefstudy",
@@ -29,7 +28,7 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-console = Console(stderr=True)
+cli.add_typer(bench, name="bench", no_args_is_help=True)
 
 
 @cli.callback()
@@ -52,8 +51,6 @@ SchedulerOption = Annotated[
     str | None,
     typer.Option(envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random in it.")]
 
 
 @cli.command()
@@ -80,7 +77,7 @@ def serve(
 
     log.configure("WARNING")
     settings = wiring.ServeSettings(find_study(study), database, host, port, workers, scheduler, public_url)
-    _open_bank(settings.study)
+    build_bank(settings.study)
     console.print(f"Starting [bold]{settings.study.name}[/] (compiling kernels on the first run) ...")
     wiring.serve(settings, lambda link: print(f"Participants open: {link}", flush=True))
 
@@ -104,7 +101,7 @@ def replay(
     log.configure("WARNING")
     with wiring.headless() as runtime:
         for script in read_scripts(path):
-            _open_bank(script.study)
+            build_bank(script.study)
             summary = replay_script(runtime, script)
             _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")
 
@@ -160,7 +157,7 @@ def simulate(
 
     log.configure("WARNING")
     definition = find_study(study)
-    _open_bank(definition)
+    build_bank(definition)
     crowd = Crowd(seed, people, Habits(drift, side_bias, unsure_rate), rationality, lapse_rate)
     n_workers = min(workers or n_cores(), people)
     # While one person's answer is being stored, another's next query is computed.
@@ -168,7 +165,7 @@ def simulate(
     with ExitStack() as stack:
         table = stack.enter_context(new_table(out)) if out else None
         runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
-        progress = stack.enter_context(_progress())
+        progress = stack.enter_context(new_progress())
         task = progress.add_task(definition.name, total=people * definition.protocol.n_queries)
         rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
         for rehearsal in stack.enter_context(closing(rehearsals)):
@@ -192,7 +189,7 @@ def export(
     from app.services.export import export as export_tables
     from app.store import open_store
 
-    with open_store(database) as store, _progress() as progress:
+    with open_store(database) as store, new_progress() as progress:
         task = progress.add_task("people", total=None)
         n_people = export_tables(store, out, format_, people, lambda: progress.advance(task))
     console.print(f"Wrote {n_people} people to {out}.")
@@ -214,8 +211,8 @@ def import_(
     from app.services.published import import_person, read_people
     from app.store import open_store
 
-    with _progress() as progress:
-        people = read_people(directory, _shown(progress, "people"))
+    with new_progress() as progress:
+        people = read_people(directory, counter(progress, "people"))
     with open_store(database) as store:
         for person in people:
             done = import_person(store, person)
@@ -251,7 +248,7 @@ def train(
     from app import wiring
 
     log.configure("WARNING")
-    with wiring.training(database, workers or n_cores(), scheduler) as trainer, _progress() as progress:
+    with wiring.training(database, workers or n_cores(), scheduler) as trainer, new_progress() as progress:
         missing = trainer.missing(study)
         task = progress.add_task("people", total=len(missing))
         trainer.train(missing, lambda: progress.advance(task))
@@ -282,7 +279,7 @@ def evaluate(
     with open_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
-    with _progress() as progress:
+    with new_progress() as progress:
         shown = progress.add_task("predictors", total=findings.n_fits())
         comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
     trials = findings.trial_accuracies(evaluated, comparison)
@@ -319,7 +316,7 @@ def report(
     with open_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
-    with new_file(out) as file, _progress() as progress:
+    with new_file(out) as file, new_progress() as progress:
         shown = progress.add_task("report", total=findings.n_steps(len(evaluated.people)))
         file.write(write(findings.find(seed, evaluated, n_cores(), lambda: progress.advance(shown))))
     console.print(f"Wrote {out}.")
@@ -375,140 +372,6 @@ def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
     else:
         copy = f" A copy of what it was is in {done.backup}." if done.backup else ""
         print(f"Upgraded the database from schema {done.before} to {done.after}.{copy}")
-
-
-bench = typer.Typer(
-    help="Measure this machine; every number is a ratio to the named alternative in the same run."
-)
-cli.add_typer(bench, name="bench", no_args_is_help=True)
-
-
-@bench.command("query")
-def bench_query(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Time from an answer to the next query, complete, against the same work done the plain way."""
-    from app.bench import query
-
-    with _progress() as progress:
-        _print_result(query.run(seed, progress), json_)
-
-
-@bench.command("posterior")
-def bench_posterior(
-    seed: SeedOption = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="A new folder for the picture of the cost of an update.")
-    ] = None,
-    json_: JsonOption = False,
-) -> None:
-    """Effective draws per second beside other samplers; a belief update beside APReL's way."""
-    from app.bench import posterior
-
-    with _progress() as progress:
-        _print_result(posterior.run(seed, progress, out), json_)
-
-
-@bench.command("trajectories")
-def bench_trajectories(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Quality and time of the best drive from the bank, against ten and a thousand random starts."""
-    from app.bench import trajectories
-
-    with _progress() as progress:
-        _print_result(trajectories.run(seed, progress), json_)
-
-
-@bench.command("acquisition")
-def bench_acquisition(
-    people: Annotated[int, typer.Option(min=2, help="Simulated people, the same for every method.")] = 100,
-    queries: Annotated[int, typer.Option(min=1, help="Active queries to each of them.")] = 30,
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-    out: Annotated[
-        Path | None, typer.Option(help="Draw the picture into this new folder, with its numbers.")
-    ] = None,
-) -> None:
-    """Compare how fast the acquisition methods learn the same simulated people; ten to fifteen minutes on two cores."""
-    from app.bench import acquisition
-
-    _open_bank(find_study(acquisition.STUDY))
-    with _progress() as progress:
-        _print_result(acquisition.run(seed, progress, people, queries, out), json_)
-
-
-@bench.command("serve")
-def bench_serve(
-    people: Annotated[int, typer.Option(min=1, help="People at once.")] = 50,
-    answers: Annotated[int, typer.Option(min=1, help="Answers in all.")] = 2000,
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-) -> None:
-    """Time from posting an answer to having the next query, many people at once, against a separate server process."""
-    from app.bench import serve as serve_bench
-
-    with _progress() as progress:
-        _print_result(serve_bench.run(seed, people, answers, progress), json_)
-
-
-@bench.command("training")
-def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Time to train the feature networks of a person and of a study, against the plain loop in torch."""
-    from app.bench import training
-
-    with _progress() as progress:
-        _print_result(training.run(seed, progress), json_)
-
-
-@bench.command("published")
-def bench_published(
-    data: Annotated[
-        Path,
-        typer.Option(
-            "--data", envvar="PREFSTUDY_PUBLISHED_DATA", help="Folder of the published study's JLD2 files."
-        ),
-    ],
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-) -> None:
-    """Test accuracy of each response model on the published study, fitted to training answers alone."""
-    from app.bench import published
-
-    with _progress() as progress:
-        _print_result(published.run(seed, data, progress), json_)
-
-
-def _open_bank(study: Study) -> None:
-    """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
-    from study_core.bank import open_bank
-
-    if study.uses_bank:
-        with _progress() as progress:
-            open_bank(study.domain, _shown(progress, "bank of drives"))
-
-
-def _shown(progress: Progress, description: str) -> Callable[[int, int], None]:
-    """Returns what shows how much is done; nothing is shown before it is called."""
-    tasks: list[TaskID] = []
-
-    def show(done: int, total: int) -> None:
-        if not tasks:
-            tasks.append(progress.add_task(description, total=total))
-        progress.update(tasks[0], completed=done)
-
-    return show
-
-
-def _progress() -> Progress:
-    """Returns a progress display on stderr, so that stdout holds results alone."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    )
-
-
-def _print_result(result: dict[str, Any], is_json: bool) -> None:
-    print(json.dumps(result) if is_json else json.dumps(result, indent=2))
 
 
 def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
