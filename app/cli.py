@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 import app.process  # noqa: F401  - before numpy
 from app import log
@@ -253,9 +255,8 @@ def train(
         task = progress.add_task("people", total=len(missing))
         trainer.train(missing, lambda: progress.advance(task))
     whom = f" of {study}" if study else ""
-    print(
-        f"Trained the models of {len(missing)} people{whom}." if missing else f"Nobody{whom} lacks a model."
-    )
+    done = f"Trained the models of {len(missing)} people{whom}."
+    print(done if missing else f"Nobody{whom} with enough answers lacks a model.")
 
 
 @cli.command()
@@ -265,12 +266,18 @@ def evaluate(
         typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
     ] = None,
     database: DatabaseOption = DEFAULT_DATABASE,
+    new_person: Annotated[
+        bool,
+        typer.Option(
+            "--new-person",
+            help="Also how well somebody new is predicted, by how much they have answered: "
+            "two minutes for ten people, eight for twenty.",
+        ),
+    ] = False,
     seed: SeedOption = 0,
     json_: JsonOption = False,
 ) -> None:
     """Compare predictors of people's answers: fitted to active answers, scored on the common test answers."""
-    from rich.table import Table
-
     from app.report import findings, table
     from app.services.evaluation import people_to_evaluate
     from app.store import open_store
@@ -280,20 +287,22 @@ def evaluate(
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
     with new_progress() as progress:
+        curves = {}
+        if new_person:
+            task = progress.add_task("somebody new", total=findings.n_curve_steps(len(evaluated.people)))
+            curves = findings.new_person_curves(seed, evaluated, lambda: progress.advance(task))
         shown = progress.add_task("predictors", total=findings.n_fits())
         comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
-    trials = findings.trial_accuracies(evaluated, comparison)
-    result = table.as_json(seed, evaluated, comparison, findings.accuracies(comparison, trials))
+    accuracy = findings.accuracies(comparison, findings.trial_accuracies(evaluated, comparison))
+    result = table.as_json(seed, evaluated, comparison, accuracy, curves)
     if json_:
         print(json.dumps(result))
         return
-    printed = Table(*table.columns())
-    for name, *values in table.rows(result):
-        printed.add_row(
-            name, *(f"{value:.3f}" for value in values), style="bold" if name == result["recommended"] else ""
-        )
-    Console().print(printed)
+    _print_table(table.columns(), table.rows(result), emphasised=result["recommended"])
     print(f"Recommended from active answers alone: {result['recommended']}")
+    if new_person:
+        print("Accuracy for somebody new, by number of own answers:")
+        _print_table(table.new_person_columns(), table.new_person_rows(result))
 
 
 @cli.command()
@@ -372,6 +381,15 @@ def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
     else:
         copy = f" A copy of what it was is in {done.backup}." if done.backup else ""
         print(f"Upgraded the database from schema {done.before} to {done.after}.{copy}")
+
+
+def _print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], emphasised: str = "") -> None:
+    """Prints numbers to three places; the row that begins with what is emphasised is bold."""
+    table = Table(*columns)
+    for row in rows:
+        cells = [f"{value:.3f}" if isinstance(value, float) else str(value) for value in row]
+        table.add_row(*cells, style="bold" if row[0] == emphasised else "")
+    Console().print(table)
 
 
 def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:

@@ -52,7 +52,9 @@ def new_file(path: Path) -> Iterator[TextIO]:
 
 def write(findings: Findings) -> str:
     """Returns the report as one HTML page."""
-    evaluation = table.as_json(findings.seed, findings.evaluated, findings.comparison, findings.accuracy)
+    evaluation = table.as_json(
+        findings.seed, findings.evaluated, findings.comparison, findings.accuracy, findings.curves
+    )
     studies = sorted({study.name for study in findings.evaluated.studies.values()})
     return render(
         Report(

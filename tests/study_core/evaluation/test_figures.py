@@ -53,17 +53,30 @@ def test_bars_are_as_high_as_accuracies_and_know_whose_they_are():
 def test_a_calibrated_predictor_is_drawn_on_the_diagonal():
     bins = [CalibrationBin(level, level, 100) for level in (0.55, 0.75, 0.95)]
     figure = calibration.draw(dict.fromkeys(PREDICTOR_COLOURS, bins))
-    assert sum(axes.get_visible() for axes in figure.axes) == len(PREDICTOR_COLOURS)
-    for axes in figure.axes:
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(panels) == len(PREDICTOR_COLOURS)
+    for axes in panels:
         points = axes.lines[1].get_xydata()
         np.testing.assert_allclose(points[:, 0], points[:, 1])
 
 
 def test_every_curve_is_named_at_its_end():
     curves = {name: {0: Mean(0.6, 0.5, 0.7), 5: Mean(0.7, 0.6, 0.8)} for name in PREDICTOR_COLOURS}
-    figure = learning.draw(curves, curves, 0.7)
+    figure = learning.draw(curves, curves, (), 0.7)
     for axes in figure.axes:
         assert set(PREDICTOR_COLOURS) <= {text.get_text() for text in axes.texts}
+
+
+def test_knowing_nobody_else_is_dashed_in_the_colour_of_the_same_model():
+    curves = {
+        name: {0: Mean(value, 0.4, 0.8), 5: Mean(value, 0.4, 0.8)}
+        for name, value in (("hierarchical", 0.7), ("hierarchical-alone", 0.6))
+    }
+    for axes in learning.draw(curves, curves, {"hierarchical-alone"}, None).axes:
+        together, alone = axes.lines
+        assert [line.get_ydata()[0] for line in (together, alone)] == [0.7, 0.6]
+        assert [line.get_linestyle() for line in (together, alone)] == ["-", "--"]
+        assert together.get_color() == alone.get_color()
 
 
 def test_the_other_car_stands_in_the_heat_map_where_it_is_and_the_feature_is_that_place_s():
