@@ -1,0 +1,86 @@
+"""What a user is told who would learn from nobody, or from people who have hardly answered: one line, and no file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from app.services.published import import_person, read_people
+from app.store import open_store
+from tests.support.published import write_person
+
+Run = Callable[..., tuple[object, str, list[str]]]
+
+
+def database_of_one_person(folder: Path, n_active: int) -> str:
+    write_person(folder, 1, n_active=n_active, n_test=4)
+    url = f"sqlite:///{folder / 'people.db'}"
+    with open_store(url) as store:
+        for person in read_people(folder, lambda done, total: None):
+            import_person(store, person)
+    return url
+
+
+@pytest.fixture
+def few(tmp_path: Path) -> str:
+    """A database of somebody who has answered one query less than is needed."""
+    return database_of_one_person(tmp_path, n_active=9)
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'empty.db'}"
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command as the program does; returns its exit code, what it printed, and the lines on stderr."""
+
+    def run_to_its_end(*arguments: str) -> tuple[object, str, list[str]]:
+        monkeypatch.setattr("sys.argv", ["prefstudy", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code, said.out, said.err.splitlines()
+
+    return run_to_its_end
+
+
+@pytest.mark.parametrize(
+    ("database", "said"),
+    [
+        ("empty", "Error: Nobody here can be evaluated. Import or finish some sessions first."),
+        (
+            "few",
+            "Error: Nobody here can be evaluated. Person 1 has 9 active answers that prefer a side; 10 are needed. "
+            "Import or finish some sessions first.",
+        ),
+    ],
+)
+def test_nobody_to_evaluate_or_report_is_one_line(
+    run: Run, request: pytest.FixtureRequest, tmp_path: Path, database: str, said: str
+) -> None:
+    url, out = request.getfixturevalue(database), tmp_path / "report.html"
+    assert run("evaluate", "--database", url) == (1, "", [said])
+    assert run("report", str(out), "--database", url) == (1, "", [said])
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("database", ["empty", "few"])
+def test_nobody_to_train_on_is_no_failure_because_nothing_is_missing(
+    run: Run, request: pytest.FixtureRequest, database: str
+) -> None:
+    url = request.getfixturevalue(database)
+    code, printed, _ = run("train", "--workers", "1", "--database", url)
+    assert (code, printed) == (0, "Nobody with enough answers lacks a model.\n")
+
+
+def test_a_single_person_cannot_be_taken_for_new(run: Run, tmp_path: Path) -> None:
+    url = database_of_one_person(tmp_path, n_active=10)
+    code, printed, errors = run("evaluate", "--new-person", "--database", url)
+    assert (code, printed) == (1, "")
+    [said] = [line for line in errors if line.startswith("Error:")]
+    assert "at least 2 people" in said
