@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from study_core.comparison import Query
 from study_core.domains.driving.domain import DRIVING_V1
@@ -122,6 +123,17 @@ def test_whole_drives_are_in_the_frame(n_ways):
         paths = np.concatenate([line.get_xydata() for line in axes.lines if line.get_gid()])
         assert len(paths) == 51 * len(PEOPLE)
         np.testing.assert_array_equal(np.clip(paths, (start, low), (end, high)), paths)
+
+
+def test_no_drive_runs_through_the_name_of_the_other_car():
+    controls = np.random.default_rng(5).uniform(-1.0, 1.0, (30, 10))
+    figure = optimal_drives.draw(DRIVING_V1, {"way": {str(k): row for k, row in enumerate(controls)}})
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    [name] = [text for text in axes.texts if text.get_text() == "the other car"]
+    box = Text.get_window_extent(name)  # without the line to the car
+    for line in axes.lines:
+        assert not line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False)
 
 
 def test_both_drives_of_a_query_are_named():
