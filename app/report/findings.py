@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from app.errors import AppError
 from app.services.evaluation import Evaluated
-from app.settings import find_study
+from app.settings import find_study, with_method
 from study_core.comparison import ComparisonSet, Query
 from study_core.domain import Domain
 from study_core.evaluation.best_drives import best_of, draw_candidates, optimise
@@ -251,7 +251,6 @@ def _next_queries(domain: Domain, person: Person) -> dict[str, Query]:
     posterior = infer_posterior(base, "report", len(known), ComparisonSet(diffs, known.signs))
     queries = {}
     for method in QUERY_METHODS:
-        section = base.file.acquisition.model_copy(update={"method": method})
-        study = replace(base, file=base.file.model_copy(update={"acquisition": section}))
+        study = with_method(base, method)
         queries[method] = propose_active_query(study, "report", len(known), posterior).query
     return queries
