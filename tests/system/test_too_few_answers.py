@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from app.cli import main
 from app.services.published import import_person, read_people
 from app.store import open_store
+from tests.support.command_line import assert_one_line_with, run
 from tests.support.published import write_person
-
-Run = Callable[..., tuple[object, str, list[str]]]
 
 
 def database_of_one_person(folder: Path, n_active: int) -> str:
@@ -35,20 +32,6 @@ def empty(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'empty.db'}"
 
 
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs a command as the program does; returns its exit code, what it printed, and the lines on stderr."""
-
-    def run_to_its_end(*arguments: str) -> tuple[object, str, list[str]]:
-        monkeypatch.setattr("sys.argv", ["prefstudy", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code, said.out, said.err.splitlines()
-
-    return run_to_its_end
-
-
 @pytest.mark.parametrize(
     ("database", "said"),
     [
@@ -61,26 +44,24 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     ],
 )
 def test_nobody_to_evaluate_or_report_is_one_line(
-    run: Run, request: pytest.FixtureRequest, tmp_path: Path, database: str, said: str
+    request: pytest.FixtureRequest, tmp_path: Path, database: str, said: str
 ) -> None:
     url, out = request.getfixturevalue(database), tmp_path / "report.html"
-    assert run("evaluate", "--database", url) == (1, "", [said])
-    assert run("report", str(out), "--database", url) == (1, "", [said])
+    for command in (["evaluate"], ["report", str(out)]):
+        done = run(*command, "--database", url)
+        assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{said}\n")
     assert not out.exists()
 
 
 @pytest.mark.parametrize("database", ["empty", "few"])
 def test_nobody_to_train_on_is_no_failure_because_nothing_is_missing(
-    run: Run, request: pytest.FixtureRequest, database: str
+    request: pytest.FixtureRequest, database: str
 ) -> None:
     url = request.getfixturevalue(database)
-    code, printed, _ = run("train", "--workers", "1", "--database", url)
-    assert (code, printed) == (0, "Nobody with enough answers lacks a model.\n")
+    done = run("train", "--workers", "1", "--database", url)
+    assert (done.returncode, done.stdout) == (0, "Nobody with enough answers lacks a model.\n")
 
 
-def test_a_single_person_cannot_be_taken_for_new(run: Run, tmp_path: Path) -> None:
+def test_a_single_person_cannot_be_taken_for_new(tmp_path: Path) -> None:
     url = database_of_one_person(tmp_path, n_active=10)
-    code, printed, errors = run("evaluate", "--new-person", "--database", url)
-    assert (code, printed) == (1, "")
-    [said] = [line for line in errors if line.startswith("Error:")]
-    assert "at least 2 people" in said
+    assert_one_line_with(run("evaluate", "--new-person", "--database", url), "at least 2 people")
