@@ -124,7 +124,7 @@ def test_a_malformed_study_file_names_the_key(tmp_path: Path) -> None:
 def test_a_busy_port_is_one_line(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = str(busy.getsockname()[1])
-        done = run_apart("serve", "--port", port, "--database", f"sqlite:///{tmp_path / 's.db'}")
+        done = run("serve", "--port", port, "--database", f"sqlite:///{tmp_path / 's.db'}")
     assert_one_line_with(done, port, "Choose another --port")
 
 
@@ -145,7 +145,7 @@ def test_a_database_of_another_schema_version_is_refused_with_the_remedy(tmp_pat
 
 
 def test_serving_the_world_needs_an_address_with_tls() -> None:
-    assert_one_line_with(run_apart("serve", "--host", "0.0.0.0"), "--public-url https://")
+    assert_one_line_with(run("serve", "--host", "0.0.0.0"), "--public-url https://")
 
 
 def test_wrong_usage_ends_with_two(tmp_path: Path) -> None:
