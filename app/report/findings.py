@@ -40,6 +40,7 @@ _QUERY_STUDY, _ANSWERS_BEFORE_QUERY = "quickstart", 10
 _TOGETHER: tuple[Predictor, ...] = (Hierarchical(), SharedNetwork())
 _ALONE: tuple[Predictor, ...] = (*map(Alone, _TOGETHER), HandCodedCalibrated())
 LEARN_ALONE = frozenset(predictor.name for predictor in _ALONE)
+"""Names of predictors of somebody new that know nobody else."""
 
 Drives = dict[tuple[str, str], dict[str, Float[np.ndarray, " n_controls"]]]
 """The best drive by what is rewarded and how it was looked for, then by person."""
@@ -165,7 +166,7 @@ def new_person_curves(seed: int, evaluated: Evaluated, on_step: OnStep) -> dict[
     """
     if len(evaluated.people) < 2:
         raise NoOthersError(
-            "Expected at least 2 people to take one of them for new, got 1. Ask for less, or finish more sessions."
+            "Expected at least 2 people to take one of them for new, got 1. Finish more sessions, or don't ask for it."
         )
     return {
         predictor.name: learning_curve(
