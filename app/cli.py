@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
@@ -12,15 +12,16 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 import app.process  # noqa: F401  - before numpy
 from app import log
+from app.bench.cli import bench
 from app.errors import AppError
 from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
+from app.terminal import JsonOption, SeedOption, build_bank, console, counter, new_progress
 from study_core.errors import StudyCoreError
-from study_core.study import Study
 
 cli = typer.Typer(
     name="prefstudy",
@@ -29,7 +30,7 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-console = Console(stderr=True)
+cli.add_typer(bench, name="bench", no_args_is_help=True)
 
 
 @cli.callback()
@@ -52,8 +53,6 @@ SchedulerOption = Annotated[
     str | None,
     typer.Option(envvar="PREFSTUDY_SCHEDULER", help="Address of a running Dask scheduler to use instead."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random in it.")]
 
 
 @cli.command()
@@ -80,7 +79,7 @@ def serve(
 
     log.configure("WARNING")
     settings = wiring.ServeSettings(find_study(study), database, host, port, workers, scheduler, public_url)
-    _open_bank(settings.study)
+    build_bank(settings.study)
     console.print(f"Starting [bold]{settings.study.name}[/] (compiling kernels on the first run) ...")
     wiring.serve(settings, lambda link: print(f"Participants open: {link}", flush=True))
 
@@ -104,7 +103,7 @@ def replay(
     log.configure("WARNING")
     with wiring.headless() as runtime:
         for script in read_scripts(path):
-            _open_bank(script.study)
+            build_bank(script.study)
             summary = replay_script(runtime, script)
             _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")
 
@@ -167,7 +166,7 @@ def simulate(
 
     log.configure("WARNING")
     definition = find_study(study)
-    _open_bank(definition)
+    build_bank(definition)
     habits = Habits(drift, side_bias, unsure_rate, hidden_feature, hidden_weight if hidden_feature else 0.0)
     crowd = Crowd(seed, people, habits, rationality, lapse_rate)
     n_workers = min(workers or n_cores(), people)
@@ -176,7 +175,7 @@ def simulate(
     with ExitStack() as stack:
         table = stack.enter_context(new_table(out)) if out else None
         runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
-        progress = stack.enter_context(_progress())
+        progress = stack.enter_context(new_progress())
         task = progress.add_task(definition.name, total=people * definition.protocol.n_queries)
         rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
         for rehearsal in stack.enter_context(closing(rehearsals)):
@@ -200,7 +199,7 @@ def export(
     from app.services.export import export as export_tables
     from app.store import open_store
 
-    with open_store(database) as store, _progress() as progress:
+    with open_store(database) as store, new_progress() as progress:
         task = progress.add_task("people", total=None)
         n_people = export_tables(store, out, format_, people, lambda: progress.advance(task))
     console.print(f"Wrote {n_people} people to {out}.")
@@ -222,8 +221,8 @@ def import_(
     from app.services.published import import_person, read_people
     from app.store import open_store
 
-    with _progress() as progress:
-        people = read_people(directory, _shown(progress, "people"))
+    with new_progress() as progress:
+        people = read_people(directory, counter(progress, "people"))
     with open_store(database) as store:
         for person in people:
             done = import_person(store, person)
@@ -259,14 +258,13 @@ def train(
     from app import wiring
 
     log.configure("WARNING")
-    with wiring.training(database, workers or n_cores(), scheduler) as trainer, _progress() as progress:
+    with wiring.training(database, workers or n_cores(), scheduler) as trainer, new_progress() as progress:
         missing = trainer.missing(study)
         task = progress.add_task("people", total=len(missing))
         trainer.train(missing, lambda: progress.advance(task))
     whom = f" of {study}" if study else ""
-    print(
-        f"Trained the models of {len(missing)} people{whom}." if missing else f"Nobody{whom} lacks a model."
-    )
+    done = f"Trained the models of {len(missing)} people{whom}."
+    print(done if missing else f"Nobody{whom} with enough answers lacks a model.")
 
 
 @cli.command()
@@ -276,12 +274,18 @@ def evaluate(
         typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
     ] = None,
     database: DatabaseOption = DEFAULT_DATABASE,
+    new_person: Annotated[
+        bool,
+        typer.Option(
+            "--new-person",
+            help="Also how well somebody new is predicted, by how much they have answered: "
+            "two minutes for ten people, eight for twenty.",
+        ),
+    ] = False,
     seed: SeedOption = 0,
     json_: JsonOption = False,
 ) -> None:
     """Compare predictors of people's answers: fitted to active answers, scored on the common test answers."""
-    from rich.table import Table
-
     from app.report import findings, table
     from app.services.evaluation import people_to_evaluate
     from app.store import open_store
@@ -290,21 +294,23 @@ def evaluate(
     with open_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
-    with _progress() as progress:
+    with new_progress() as progress:
+        curves = {}
+        if new_person:
+            task = progress.add_task("somebody new", total=findings.n_curve_steps(len(evaluated.people)))
+            curves = findings.new_person_curves(seed, evaluated, lambda: progress.advance(task))
         shown = progress.add_task("predictors", total=findings.n_fits())
         comparison = findings.compare_all(seed, evaluated, n_cores(), lambda: progress.advance(shown))
-    trials = findings.trial_accuracies(evaluated, comparison)
-    result = table.as_json(seed, evaluated, comparison, findings.accuracies(comparison, trials))
+    accuracy = findings.accuracies(comparison, findings.trial_accuracies(evaluated, comparison))
+    result = table.as_json(seed, evaluated, comparison, accuracy, curves)
     if json_:
         print(json.dumps(result))
         return
-    printed = Table(*table.columns())
-    for name, *values in table.rows(result):
-        printed.add_row(
-            name, *(f"{value:.3f}" for value in values), style="bold" if name == result["recommended"] else ""
-        )
-    Console().print(printed)
+    _print_table(table.columns(), table.rows(result), emphasised=result["recommended"])
     print(f"Recommended from active answers alone: {result['recommended']}")
+    if new_person:
+        print("Accuracy for somebody new, by number of own answers:")
+        _print_table(table.new_person_columns(), table.new_person_rows(result))
 
 
 @cli.command()
@@ -327,7 +333,7 @@ def report(
     with open_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
-    with new_file(out) as file, _progress() as progress:
+    with new_file(out) as file, new_progress() as progress:
         shown = progress.add_task("report", total=findings.n_steps(len(evaluated.people)))
         file.write(write(findings.find(seed, evaluated, n_cores(), lambda: progress.advance(shown))))
     console.print(f"Wrote {out}.")
@@ -385,152 +391,13 @@ def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
         print(f"Upgraded the database from schema {done.before} to {done.after}.{copy}")
 
 
-bench = typer.Typer(
-    help="Measure this machine; every number is a ratio to the named alternative in the same run."
-)
-cli.add_typer(bench, name="bench", no_args_is_help=True)
-
-
-@bench.command("query")
-def bench_query(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Time from an answer to the next query, complete, against the same work done the plain way."""
-    from app.bench import query
-
-    with _progress() as progress:
-        _print_result(query.run(seed, progress), json_)
-
-
-@bench.command("posterior")
-def bench_posterior(
-    seed: SeedOption = 0,
-    out: Annotated[
-        Path | None, typer.Option(help="A new folder for the picture of the cost of an update.")
-    ] = None,
-    json_: JsonOption = False,
-) -> None:
-    """Effective draws per second beside other samplers; a belief update beside APReL's way."""
-    from app.bench import posterior
-
-    with _progress() as progress:
-        _print_result(posterior.run(seed, progress, out), json_)
-
-
-@bench.command("trajectories")
-def bench_trajectories(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Quality and time of the best drive from the bank, against ten and a thousand random starts."""
-    from app.bench import trajectories
-
-    with _progress() as progress:
-        _print_result(trajectories.run(seed, progress), json_)
-
-
-@bench.command("acquisition")
-def bench_acquisition(
-    people: Annotated[int, typer.Option(min=2, help="Simulated people, the same for every method.")] = 100,
-    queries: Annotated[int, typer.Option(min=1, help="Active queries to each of them.")] = 30,
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-    out: Annotated[
-        Path | None, typer.Option(help="Draw the picture into this new folder, with its numbers.")
-    ] = None,
-) -> None:
-    """Compare how fast the acquisition methods learn the same simulated people; ten to fifteen minutes on two cores."""
-    from app.bench import acquisition
-
-    _open_bank(find_study(acquisition.STUDY))
-    with _progress() as progress:
-        _print_result(acquisition.run(seed, progress, people, queries, out), json_)
-
-
-@bench.command("serve")
-def bench_serve(
-    people: Annotated[int, typer.Option(min=1, help="People at once.")] = 50,
-    answers: Annotated[int, typer.Option(min=1, help="Answers in all.")] = 2000,
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-) -> None:
-    """Time from posting an answer to having the next query, many people at once, against a separate server process."""
-    from app.bench import serve as serve_bench
-
-    with _progress() as progress:
-        _print_result(serve_bench.run(seed, people, answers, progress), json_)
-
-
-@bench.command("training")
-def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
-    """Time to train the feature networks of a person and of a study, against the plain loop in torch."""
-    from app.bench import training
-
-    with _progress() as progress:
-        _print_result(training.run(seed, progress), json_)
-
-
-@bench.command("feature")
-def bench_feature(
-    people: Annotated[int, typer.Option(min=2, help="Simulated people of each taste.")] = 20,
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-) -> None:
-    """Accuracy with and without a feature learned in the middle of a session; some minutes on two cores."""
-    from app.bench import feature
-
-    _open_bank(find_study(feature.STUDY))
-    with _progress() as progress:
-        _print_result(feature.run(seed, people, progress), json_)
-
-
-@bench.command("published")
-def bench_published(
-    data: Annotated[
-        Path,
-        typer.Option(
-            "--data", envvar="PREFSTUDY_PUBLISHED_DATA", help="Folder of the published study's JLD2 files."
-        ),
-    ],
-    seed: SeedOption = 0,
-    json_: JsonOption = False,
-) -> None:
-    """Test accuracy of each response model on the published study, fitted to training answers alone."""
-    from app.bench import published
-
-    with _progress() as progress:
-        _print_result(published.run(seed, data, progress), json_)
-
-
-def _open_bank(study: Study) -> None:
-    """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
-    from study_core.bank import open_bank
-
-    if study.uses_bank:
-        with _progress() as progress:
-            open_bank(study.domain, _shown(progress, "bank of drives"))
-
-
-def _shown(progress: Progress, description: str) -> Callable[[int, int], None]:
-    """Returns what shows how much is done; nothing is shown before it is called."""
-    tasks: list[TaskID] = []
-
-    def show(done: int, total: int) -> None:
-        if not tasks:
-            tasks.append(progress.add_task(description, total=total))
-        progress.update(tasks[0], completed=done)
-
-    return show
-
-
-def _progress() -> Progress:
-    """Returns a progress display on stderr, so that stdout holds results alone."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    )
-
-
-def _print_result(result: dict[str, Any], is_json: bool) -> None:
-    print(json.dumps(result) if is_json else json.dumps(result, indent=2))
+def _print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], emphasised: str = "") -> None:
+    """Prints numbers to three places; the row that begins with what is emphasised is bold."""
+    table = Table(*columns)
+    for row in rows:
+        cells = [f"{value:.3f}" if isinstance(value, float) else str(value) for value in row]
+        table.add_row(*cells, style="bold" if row[0] == emphasised else "")
+    Console().print(table)
 
 
 def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:

@@ -1,7 +1,8 @@
-"""Where things are, and which study a name or path means."""
+"""Where things are, and which study is meant."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from study_core.errors import StudyError
@@ -31,3 +32,9 @@ def find_study(name_or_path: str) -> Study:
             )
         path = STUDIES / f"{name_or_path}.toml"
     return read_study(path)
+
+
+def with_method(study: Study, method: str) -> Study:
+    """Returns a study whose pairs another method chooses, all else being equal."""
+    section = study.file.acquisition.model_copy(update={"method": method})
+    return replace(study, file=study.file.model_copy(update={"acquisition": section}))

@@ -20,7 +20,7 @@ from rich.progress import Progress
 from app.bench.curve import Curve, Curves, over_people
 from app.bench.report import BenchError, figures, make_folder, provenance
 from app.process import n_cores
-from app.settings import find_study
+from app.settings import find_study, with_method
 from study_core import lbfgs
 from study_core.acquisition import METHODS
 from study_core.bank import Bank, open_bank
@@ -122,13 +122,12 @@ def run(
 
 def study_for(method: str) -> Study:
     """Returns the study that a method is measured in: quickstart's, or the paper's way for the paper's method."""
-    base = find_study(STUDY)
-    section = base.file.acquisition.model_copy(update={"method": method})
-    changes: dict[str, Any] = {"acquisition": section, "trajectory": TrajectorySection(search="bank")}
+    study = with_method(find_study(STUDY), method)
+    changes: dict[str, Any] = {"trajectory": TrajectorySection(search="bank")}
     if method == "heuristic":
         papers = find_study(_PAPERS_STUDY).file
         changes = {name: getattr(papers, name) for name in ("acquisition", "trajectory", "sampler")}
-    return replace(base, file=base.file.model_copy(update=changes))
+    return replace(study, file=study.file.model_copy(update=changes))
 
 
 def walk(task: Task) -> Walk:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from app.errors import AppError
 from app.process import n_cores
+from app.versions import versions_of
 
 _PACKAGES = (
     "prefstudy",
@@ -55,9 +55,8 @@ def make_folder(path: Path) -> None:
 
 def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
     """Returns where and with what a measurement was taken; `packages` had a part in it beside the usual ones."""
-    names = (*_PACKAGES, *packages)
     return {
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in names},
+        "versions": versions_of([*_PACKAGES, *packages]),
         "cores": n_cores(),
         "cpu": _cpu_name(),
         "seed": seed,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from app.errors import AppError
 from app.services.evaluation import Evaluated
-from app.settings import find_study
+from app.settings import find_study, with_method
 from study_core.comparison import ComparisonSet, Query
 from study_core.domain import Domain
 from study_core.evaluation.best_drives import best_of, draw_candidates, optimise
@@ -20,6 +21,7 @@ from study_core.evaluation.learning_curve import Curve, learning_curve, majority
 from study_core.evaluation.people import Person
 from study_core.evaluation.scores import score
 from study_core.networks.config import NetworkConfig
+from study_core.predictors.alone import Alone
 from study_core.predictors.hand_coded import HandCodedCalibrated, HandCodedStored, MeanModel
 from study_core.predictors.hierarchical import Hierarchical
 from study_core.predictors.personal_network import NetworkModel, PersonalNetwork
@@ -34,10 +36,20 @@ SEARCHES = ("best of 10,000 candidates", "found by the optimiser")
 QUERY_METHODS = ("information-gain", "heuristic", "information-gain-realistic")
 _QUERY_STUDY, _ANSWERS_BEFORE_QUERY = "quickstart", 10
 
+# Who predicts somebody new: with the others' answers, and without them, the same models foremost.
+_TOGETHER: tuple[Predictor, ...] = (Hierarchical(), SharedNetwork())
+_ALONE: tuple[Predictor, ...] = (*map(Alone, _TOGETHER), HandCodedCalibrated())
+LEARN_ALONE = frozenset(predictor.name for predictor in _ALONE)
+"""Names of predictors of somebody new that know nobody else."""
+
 Drives = dict[tuple[str, str], dict[str, Float[np.ndarray, " n_controls"]]]
 """The best drive by what is rewarded and how it was looked for, then by person."""
 
 OnStep = Callable[[], None]
+
+
+class NoOthersError(AppError):
+    """There is nobody else to know when one person is taken for new."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +63,7 @@ class Findings:
         accuracy: By predictor and person; see `accuracies`.
         trials: Of the personal network: accuracy of each selected trial, by person.
         majority: How often each person answers as most others did; nobody who saw other queries.
-        curves: Scores by number of own answers, of predictors for somebody new; empty for a single person.
+        curves: See `new_person_curves`; empty for a single person.
         wide_network: The first person's network with every input that the domain has.
         drives: Everybody's best drives.
         queries: What the first person would be asked next, by method.
@@ -91,8 +103,13 @@ def n_fits() -> int:
 
 def n_steps(n_people: int) -> int:
     """Returns how often `find` does."""
-    n_curves = len(_newcomers()) * n_people if n_people > 1 else 0
+    n_curves = n_curve_steps(n_people) if n_people > 1 else 0
     return n_fits() + n_curves + len(REWARDS) * len(SEARCHES) * n_people + 2
+
+
+def n_curve_steps(n_people: int) -> int:
+    """Returns how often `new_person_curves` does."""
+    return (len(_TOGETHER) + len(_ALONE)) * n_people
 
 
 def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Findings:
@@ -107,12 +124,7 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
     comparison = compare_all(seed, evaluated, n_threads, on_step)
     trials = trial_accuracies(evaluated, comparison)
     domain, first = evaluated.domain, evaluated.people[0]
-    curves = {}
-    if len(evaluated.people) > 1:
-        for predictor in _newcomers():
-            curves[predictor.name] = learning_curve(
-                seed, domain, evaluated.people, predictor, on_person=on_step
-            )
+    curves = new_person_curves(seed, evaluated, on_step) if len(evaluated.people) > 1 else {}
     wide = PersonalNetwork(NetworkConfig(inputs=domain.network_input_names), n_threads)
     wide_network = wide.fit(seed, domain, {first.name: first.training}).people[first.name]
     assert isinstance(wide_network, NetworkModel), "whoever is evaluated has answered enough for a network"
@@ -136,6 +148,37 @@ def find(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Fi
 def compare_all(seed: int, evaluated: Evaluated, n_threads: int, on_step: OnStep) -> Comparison:
     """Compares every predictor on the people of an evaluation."""
     return compare(seed, evaluated.domain, evaluated.people, all_predictors(n_threads), on_step)
+
+
+def new_person_curves(seed: int, evaluated: Evaluated, on_step: OnStep) -> dict[str, Curve]:
+    """Returns scores for somebody new by number of own answers; the cost grows with the square of the people.
+
+    Args:
+        seed: Names every random stream.
+        evaluated: The people, each of whom is new in turn.
+        on_step: Called after each of `n_curve_steps`.
+
+    Returns:
+        By predictor: those that know the others, then those that don't, whom `LEARN_ALONE` names.
+
+    Raises:
+        NoOthersError: There is a single person.
+    """
+    if len(evaluated.people) < 2:
+        raise NoOthersError(
+            "Expected at least 2 people to take one of them for new, got 1. Finish more sessions, or don't ask for it."
+        )
+    return {
+        predictor.name: learning_curve(
+            seed,
+            evaluated.domain,
+            evaluated.people,
+            predictor,
+            knows_others=predictor in _TOGETHER,
+            on_person=on_step,
+        )
+        for predictor in (*_TOGETHER, *_ALONE)
+    }
 
 
 def networks_of(comparison: Comparison) -> dict[str, NetworkModel]:
@@ -171,11 +214,6 @@ def accuracies(comparison: Comparison, trials: Mapping[str, list[float]]) -> dic
 def test_h1(accuracy: Mapping[str, Mapping[str, float]]) -> PairedTest | None:
     """Tests H1 with the accuracies of all predictors; None for a single person."""
     return paired_test(accuracy[NETWORK], accuracy[STORED]) if len(accuracy[STORED]) > 1 else None
-
-
-def _newcomers() -> tuple[Predictor, ...]:
-    """Returns the predictors that can say something about somebody new; the last knows nobody else."""
-    return Hierarchical(), SharedNetwork(), HandCodedCalibrated()
 
 
 def _best_drives(seed: int, evaluated: Evaluated, comparison: Comparison, on_step: OnStep) -> Drives:
@@ -214,7 +252,6 @@ def _next_queries(domain: Domain, person: Person) -> dict[str, Query]:
     posterior = infer_posterior(base, "report", len(known), ComparisonSet(diffs, known.signs))
     queries = {}
     for method in QUERY_METHODS:
-        section = base.file.acquisition.model_copy(update={"method": method})
-        study = replace(base, file=base.file.model_copy(update={"acquisition": section}))
+        study = with_method(base, method)
         queries[method] = propose_active_query(study, "report", len(known), posterior).query
     return queries

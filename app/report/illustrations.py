@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from app.report.findings import REWARDS, Findings, networks_of
+from app.report.findings import LEARN_ALONE, REWARDS, Findings, networks_of
 from app.report.page import Illustration
 from app.report.words import read_words
 from study_core.domains.driving import DRIVING_V1
@@ -193,10 +193,26 @@ def _learning(findings: Findings) -> Illustration | None:
     return _illustration(
         findings,
         "learning",
-        figure=learning.draw(accuracy, log_loss, majority),
-        columns=("predictor", "own answers", "accuracy", "from", "to", "log loss", "from", "to"),
+        figure=learning.draw(accuracy, log_loss, LEARN_ALONE, majority),
+        columns=(
+            "predictor",
+            "knows others",
+            "own answers",
+            "accuracy",
+            "from",
+            "to",
+            "log loss",
+            "from",
+            "to",
+        ),
         rows=[
-            (name, n, *_cells(accuracy[name][n]), *_cells(log_loss[name][n]))
+            (
+                name,
+                "no" if name in LEARN_ALONE else "yes",
+                n,
+                *_cells(accuracy[name][n]),
+                *_cells(log_loss[name][n]),
+            )
             for name in accuracy
             for n in accuracy[name]
         ],

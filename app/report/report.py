@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from app.errors import AppError
+from app.new_file import open_new
 from app.report import table
 from app.report.findings import REWARDS, Findings
 from app.report.illustrations import illustrations
 from app.report.page import Report, Section, render
 from app.report.words import read_words
+from app.versions import versions_of
 from study_core.domains.driving import DRIVING_V1
 from study_core.domains.driving.safety import collides, stays_on_road
 from study_core.evaluation.best_drives import diversity
@@ -27,32 +26,26 @@ from study_core.evaluation.intervals import mean_over_people
 _PACKAGES = ("prefstudy", "numpy", "scipy", "numba", "torch", "matplotlib")
 
 
-class ReportError(AppError):
-    """A report that can't be written."""
-
-
 @contextmanager
 def new_file(path: Path) -> Iterator[TextIO]:
-    """Opens a file that must not exist, before minutes of computing; removes it if nothing comes of them.
+    """Opens a new file before minutes of computing; removes it if nothing comes of them.
 
     Raises:
-        ReportError: It exists, or can't be made.
+        NewFileError: It exists, or can't be made.
     """
-    try:
-        file = path.open("x", encoding="utf-8")
-    except OSError as error:
-        raise ReportError(f"Can't write {path}: {error.strerror}. Name a new file.") from error
-    try:
-        with file:
+    with open_new(path) as file:
+        try:
             yield file
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
 
 def write(findings: Findings) -> str:
     """Returns the report as one HTML page."""
-    evaluation = table.as_json(findings.seed, findings.evaluated, findings.comparison, findings.accuracy)
+    evaluation = table.as_json(
+        findings.seed, findings.evaluated, findings.comparison, findings.accuracy, findings.curves
+    )
     studies = sorted({study.name for study in findings.evaluated.studies.values()})
     return render(
         Report(
@@ -145,8 +138,7 @@ def _versions(findings: Findings) -> dict[str, str]:
             for values in (part.pairs.states_a, part.pairs.states_b, part.signs):
                 digest.update(np.ascontiguousarray(values).tobytes())
     return {
-        "python": platform.python_version(),
-        **{name: version(name) for name in _PACKAGES},
+        **versions_of(_PACKAGES),
         "domain": findings.domain.id,
         "seed": str(findings.seed),
         **_study_hashes(findings),

@@ -8,16 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from app.report.findings import test_h1
+from app.report.findings import LEARN_ALONE, test_h1
 from app.services.evaluation import Evaluated
 from study_core.evaluation.comparison import Comparison
 from study_core.evaluation.intervals import mean_over_people
+from study_core.evaluation.learning_curve import N_ANSWERS, Curve
 
 _PLACES = 4
 
 
 def as_json(
-    seed: int, evaluated: Evaluated, comparison: Comparison, accuracy: Mapping[str, Mapping[str, float]]
+    seed: int,
+    evaluated: Evaluated,
+    comparison: Comparison,
+    accuracy: Mapping[str, Mapping[str, float]],
+    curves: Mapping[str, Curve],
 ) -> dict[str, Any]:
     """Returns all scores.
 
@@ -26,11 +31,13 @@ def as_json(
         evaluated: The people.
         comparison: All predictors.
         accuracy: By predictor and person; see `findings.accuracies`.
+        curves: Scores for somebody new; see `findings.new_person_curves`. Empty if they weren't asked for.
 
     Returns:
         `recommended`, chosen by `validation_log_loss`, which no test answer has a part in; `people`: accuracy by
         person and predictor; by predictor, means over people: `mean` (of the accuracy) and its 95 % `interval`,
-        `log_loss`, and `expected_accuracy`, what the predictor itself expects; `h1`; who was `left_out`, and why.
+        `log_loss`, and `expected_accuracy`, what the predictor itself expects; `h1`; `new_person`: mean accuracy for
+        somebody new, by predictor and number of own answers; who was `left_out`, and why.
     """
     scores, names = comparison.scores, [person.name for person in evaluated.people]
     means = {name: mean_over_people(seed, list(of.values())) for name, of in accuracy.items()}
@@ -48,6 +55,10 @@ def as_json(
             name: _rounded(loss) for name, loss in comparison.validation_log_loss.items()
         },
         "h1": None if h1 is None else asdict(h1),
+        "new_person": {
+            name: {str(n): _mean([one.accuracy for one in of.values()]) for n, of in curve.items()}
+            for name, curve in curves.items()
+        },
         "left_out": evaluated.left_out,
         "seed": seed,
     }
@@ -70,6 +81,19 @@ def rows(evaluation: dict[str, Any]) -> list[tuple[Any, ...]]:
             evaluation["validation_log_loss"][name],
         )
         for name, mean in evaluation["mean"].items()
+    ]
+
+
+def new_person_columns() -> tuple[str, ...]:
+    """Returns what `new_person_rows` hold."""
+    return ("predictor", "knows others", *map(str, N_ANSWERS))
+
+
+def new_person_rows(evaluation: dict[str, Any]) -> list[tuple[Any, ...]]:
+    """Returns the mean accuracy for somebody new after each number of own answers, from what `as_json` returned."""
+    return [
+        (name, "no" if name in LEARN_ALONE else "yes", *by_number.values())
+        for name, by_number in evaluation["new_person"].items()
     ]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, TextIO
 
 from app.errors import AppError
+from app.new_file import open_new
 
 Row = dict[str, Any]
 Format = Literal["csv", "jsonl"]
@@ -46,18 +47,15 @@ def new_table(path: Path) -> Iterator[Table]:
     """Gives a table in a new file, of the format that its name ends in.
 
     Raises:
-        TableError: The name ends otherwise, or the file exists or can't be written.
+        TableError: The name ends otherwise.
+        NewFileError: The file exists, or can't be made.
     """
     form = _FORMATS.get(path.suffix)
     if form is None:
         raise TableError(
             f"Expected a file name that ends in {' or '.join(_FORMATS)}, got {path}. Name it so."
         )
-    try:
-        file = path.open("x", encoding="utf-8", newline="")
-    except OSError as error:
-        raise TableError(f"Can't write {path}: {error.strerror}. Name a new file.") from error
-    with file:
+    with open_new(path) as file:
         yield Table(file, form)
 
 

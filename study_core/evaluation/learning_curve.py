@@ -23,28 +23,34 @@ def learning_curve(
     people: Sequence[Person],
     predictor: Predictor,
     n_answers: Sequence[int] = N_ANSWERS,
+    knows_others: bool = True,
     on_person: Callable[[], None] = lambda: None,
 ) -> Curve:
-    """Returns the scores for each person as if they were new, the others being known.
+    """Returns the scores for each person as if they were new.
 
-    The predictor is fitted to everybody else, for each person anew: nothing of theirs has any part in it but the
-    first answers that they give. Numbers beyond what somebody has answered stand for all of their answers.
+    The predictor is fitted to everybody else, for each person anew, or to nobody: nothing of theirs has any part in it
+    but the first answers that they give. Numbers beyond what somebody has answered stand for all of their answers.
 
     Args:
         seed: Names every random stream.
         domain: Whose trajectories are compared.
-        people: At least two.
+        people: At least two if they are to know others.
         predictor: Who predicts.
         n_answers: How many own answers.
+        knows_others: Whether it learns from everybody else. One that learns each person by themselves need not.
         on_person: Called after each person.
     """
     curve: Curve = {n: {} for n in n_answers}
     for person in people:
-        others = {other.name: other.training for other in people if other is not person}
+        others = {other.name: other.training for other in people if knows_others and other is not person}
         fitted = predictor.fit(seed, domain, others)
+        scores: dict[int, Scores] = {}
         for n in n_answers:
-            model = fitted.with_person(seed, person.training.first(n))
-            curve[n][person.name] = score(model.probability_of_a(person.test.pairs), person.test.signs)
+            own = person.training.first(n)
+            if len(own) not in scores:
+                probabilities = fitted.with_person(seed, own).probability_of_a(person.test.pairs)
+                scores[len(own)] = score(probabilities, person.test.signs)
+            curve[n][person.name] = scores[len(own)]
         on_person()
     return curve
 

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from study_core.domains.driving import DRIVING_V1
+from study_core.predictors.alone import Alone
+from study_core.predictors.hierarchical import Hierarchical
+from study_core.predictors.personal_network import FEWEST_ANSWERS
 from study_core.predictors.predictor import Fitted, Pairs, PersonModel, Predictor, Training
 from study_core.predictors.registry import all_predictors
 
-PREDICTORS = all_predictors(n_threads=1)
+PREDICTORS = (*all_predictors(n_threads=1), Alone(Hierarchical()))
 
 every_predictor = pytest.mark.parametrize("predictor", PREDICTORS, ids=lambda predictor: predictor.name)
 
@@ -46,6 +49,34 @@ def fitted():
 def test_every_name_is_one_predictors():
     names = [predictor.name for predictor in PREDICTORS]
     assert len(set(names)) == len(names)
+
+
+def in_both_orders(compared):
+    """Every pair and its mirror image: whoever always gives the same letter says nothing about what they like."""
+    return Pairs(
+        np.concatenate([compared.states_a, compared.states_b]),
+        np.concatenate([compared.states_b, compared.states_a]),
+    )
+
+
+MIRRORED = in_both_orders(pairs(41, 20))
+EXTREME = {
+    "always A": Training(MIRRORED, np.full(40, 1.0)),
+    "always B": Training(MIRRORED, np.full(40, -1.0)),
+    "as few as can be": somebody(42, FEWEST_ANSWERS),
+}
+
+
+@every_predictor
+def test_whoever_gives_one_letter_only_or_hardly_any_answer_is_predicted_all_the_same(predictor):
+    known = predictor.fit(5, DRIVING_V1, EXTREME).people
+    for person in EXTREME:
+        probabilities = known[person].probability_of_a(NEW)
+        assert np.isfinite(probabilities).all()
+        assert ((probabilities > 0.0) & (probabilities < 1.0)).all()
+    if predictor.name in ("hand-coded-stored", "hand-coded-calibrated"):
+        for person in ("always A", "always B"):
+            assert np.abs(known[person].probability_of_a(NEW) - 0.5).mean() < 0.1
 
 
 @every_predictor

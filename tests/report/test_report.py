@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from click.testing import Result
 from typer.testing import CliRunner
 
 from app.cli import cli
@@ -26,10 +27,15 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> str:
     return url
 
 
-def test_an_evaluation_prints_every_predictor_for_every_person(database: str) -> None:
-    done = CliRunner().invoke(cli, ["evaluate", "--database", database, "--json"])
+@pytest.fixture(scope="module")
+def evaluation(database: str) -> Result:
+    done = CliRunner().invoke(cli, ["evaluate", "--database", database, "--new-person", "--json"])
     assert done.exit_code == 0, done.output
-    result = json.loads(done.stdout)
+    return done
+
+
+def test_an_evaluation_prints_every_predictor_for_every_person(evaluation: Result) -> None:
+    result = json.loads(evaluation.stdout)
     assert set(result["people"]) == {"1", "2"}
     assert all(set(of_person) == PREDICTORS for of_person in result["people"].values())
     for key in ("mean", "interval", "log_loss", "expected_accuracy", "validation_log_loss"):
@@ -40,7 +46,19 @@ def test_an_evaluation_prints_every_predictor_for_every_person(database: str) ->
         sum(of_person["hierarchical"] for of_person in result["people"].values()) / 2, abs=1e-3
     )
     assert result["left_out"] == ["Person 6 has 5 active answers that prefer a side; 10 are needed."]
-    assert "Person 6 has 5" in done.stderr
+    assert "Person 6 has 5" in evaluation.stderr
+
+
+def test_somebody_new_is_predicted_with_and_without_the_others(evaluation: Result) -> None:
+    found = json.loads(evaluation.stdout)["new_person"]
+    together = {"hierarchical", "shared-network"}
+    assert set(found) == together | {f"{name}-alone" for name in together} | {"hand-coded-calibrated"}
+    for by_number in found.values():
+        assert list(by_number) == ["0", "5", "10", "20", "50", "100"]
+        # Nobody has given more than 16 answers.
+        assert by_number["20"] == by_number["100"]
+    assert [found[f"{name}-alone"]["0"] for name in sorted(together)] == [0.5, 0.5]
+    assert all(found[name]["0"] != 0.5 for name in together)
 
 
 def test_a_report_shows_every_figure_and_overwrites_nothing(database: str, tmp_path: Path) -> None:

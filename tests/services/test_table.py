@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from app.new_file import NewFileError
 from app.services.table import TableError, new_table
 
 ROWS = [
@@ -36,5 +37,5 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def test_a_file_that_exists_is_never_overwritten(tmp_path: Path) -> None:
     write(tmp_path / "t.csv")
-    with pytest.raises(TableError, match="Name a new file"), new_table(tmp_path / "t.csv"):
+    with pytest.raises(NewFileError, match="Name a new file"), new_table(tmp_path / "t.csv"):
         pass

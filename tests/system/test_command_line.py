@@ -1,4 +1,4 @@
-"""The commands as a user types them, in processes of their own."""
+"""The commands as a user types them. What must be the same in every process is run in one of its own as well."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import csv
 import json
 import socket
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,32 +15,10 @@ from alembic.config import Config
 from app.settings import find_study
 from app.store.engine import parse_url
 from app.store.migrate import MIGRATIONS, migration_transaction
+from tests.support.command_line import assert_one_line_with, run, run_apart
 from tests.support.published import write_person
 
 SCRIPT = Path(__file__).with_name("quickstart.jsonl")
-
-
-def run(*arguments: str, folder: Path | None = None, answer: str = "") -> subprocess.CompletedProcess[str]:
-    """Runs the command line to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", "app.cli", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        cwd=folder,
-        input=answer,
-    )
-
-
-def assert_one_line_with(done: subprocess.CompletedProcess[str], *said: str) -> None:
-    """A refusal is one line on stderr with the remedy, and no traceback."""
-    lines = [line for line in done.stderr.splitlines() if line.startswith("Error:")]
-    assert done.returncode == 1, done.stderr
-    assert len(lines) == 1, done.stderr
-    assert "Traceback" not in done.stderr
-    for text in said:
-        assert text in lines[0]
 
 
 @pytest.fixture
@@ -58,7 +34,7 @@ def written(tmp_path: Path, lines: list[str]) -> str:
 
 
 def test_a_scripted_session_gives_the_same_queries_and_posterior_to_the_last_bit() -> None:
-    first, second = run("replay", str(SCRIPT), "--json"), run("replay", str(SCRIPT), "--json")
+    first, second = (go("replay", str(SCRIPT), "--json") for go in (run, run_apart))
     assert first.returncode == 0, first.stderr
     assert first.stdout == second.stdout
     summary = json.loads(first.stdout)
@@ -67,10 +43,12 @@ def test_a_scripted_session_gives_the_same_queries_and_posterior_to_the_last_bit
     assert len(summary["posterior"]["mean"]) == 4
 
 
-def test_simulated_people_are_the_same_whatever_the_database_holds(tmp_path: Path) -> None:
+def test_simulated_people_are_the_same_whatever_the_database_holds_and_whoever_computes(
+    tmp_path: Path,
+) -> None:
     database = f"sqlite:///{tmp_path / 's.db'}"
     options = ("simulate", "--people", "2", "--seed", "9", "--database", database, "--json")
-    first, second = run(*options), run(*options)
+    first, second = run_apart(*options), run(*options, "--workers", "1")
     assert first.returncode == 0, first.stderr
     assert first.stdout == second.stdout
     people = [json.loads(line) for line in first.stdout.splitlines()]
@@ -81,9 +59,9 @@ def test_simulated_people_are_the_same_whatever_the_database_holds(tmp_path: Pat
 
 def test_simulated_people_are_written_as_one_tidy_table(tmp_path: Path) -> None:
     options = ("simulate", "--people", "2", "--seed", "9", "--drift", "0.05", "--workers", "1")
-    for name in ("one.csv", "two.csv"):
+    for name, go in (("one.csv", run), ("two.csv", run_apart)):
         database = f"sqlite:///{tmp_path / name}.db"
-        done = run(*options, "--database", database, "--out", str(tmp_path / name))
+        done = go(*options, "--database", database, "--out", str(tmp_path / name))
         assert done.returncode == 0, done.stderr
     text = (tmp_path / "one.csv").read_text()
     assert text == (tmp_path / "two.csv").read_text()
@@ -233,7 +211,19 @@ def test_migrating_says_what_it_did(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["serve", "replay", "simulate", "export", "import", "train", "delete", "migrate", "bench"],
+    [
+        "serve",
+        "replay",
+        "simulate",
+        "export",
+        "import",
+        "train",
+        "evaluate",
+        "report",
+        "delete",
+        "migrate",
+        "bench",
+    ],
 )
 def test_every_command_explains_itself(command: str) -> None:
     done = run(command, "--help")

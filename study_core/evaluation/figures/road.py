@@ -88,10 +88,19 @@ def name_end(axes: Axes, line: Line2D, name: str) -> None:
 
 
 def draw_other(axes: Axes, domain: Domain, controls: Float[np.ndarray, " n_controls"]) -> None:
-    """Draws the other car's drive."""
+    """Draws the other car's drive; its name stands beside the road where it starts, before any drive leaves it."""
     path = domain.scene(controls).tracks[1].positions
     axes.plot(
         path[:, 1], path[:, 0], color=GREY, linewidth=1, marker="s", markersize=2.5, markevery=_STEPS_PER_MARK
     )
-    end = (path[-1, 1], path[-1, 0])
-    axes.annotate("the other car", end, (4, -2), textcoords="offset points", color=GREY, fontsize=7)
+    across, along = path[0, :2]
+    axes.annotate(
+        "the other car",
+        (along, across),
+        (along, ROAD_EDGE + 0.03),
+        color=GREY,
+        fontsize=7,
+        ha="center",
+        va="top",
+        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2},
+    )

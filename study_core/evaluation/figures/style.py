@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 # Okabe and Ito's palette.
-BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY = "#0072B2", "#D55E00", "#009E73", "#D18F00", "#CC79A7", "#4BA3D6"
+BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#D18F00", "#CC79A7"
 INK, GREY, FAINT = "#222222", "#808080", "#E3E3E3"
 
 PERSON_PREFIX = "person:"
@@ -15,12 +15,14 @@ PERSON_PREFIX = "person:"
 
 PREDICTOR_COLOURS = {
     "hand-coded-stored": GREY,
-    "hand-coded-calibrated": SKY,
+    "hand-coded-calibrated": GREEN,
     "personal-network": VERMILION,
     "personal-calibrated": ORANGE,
     "shared-network": PURPLE,
     "hierarchical": BLUE,
 }
+# A predictor cut off from other people keeps its colour, and is told apart by its line.
+PREDICTOR_COLOURS |= {f"{name}-alone": PREDICTOR_COLOURS[name] for name in ("shared-network", "hierarchical")}
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from study_core.comparison import Query
 from study_core.domains.driving.domain import DRIVING_V1
@@ -53,17 +54,30 @@ def test_bars_are_as_high_as_accuracies_and_know_whose_they_are():
 def test_a_calibrated_predictor_is_drawn_on_the_diagonal():
     bins = [CalibrationBin(level, level, 100) for level in (0.55, 0.75, 0.95)]
     figure = calibration.draw(dict.fromkeys(PREDICTOR_COLOURS, bins))
-    assert sum(axes.get_visible() for axes in figure.axes) == len(PREDICTOR_COLOURS)
-    for axes in figure.axes:
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(panels) == len(PREDICTOR_COLOURS)
+    for axes in panels:
         points = axes.lines[1].get_xydata()
         np.testing.assert_allclose(points[:, 0], points[:, 1])
 
 
 def test_every_curve_is_named_at_its_end():
     curves = {name: {0: Mean(0.6, 0.5, 0.7), 5: Mean(0.7, 0.6, 0.8)} for name in PREDICTOR_COLOURS}
-    figure = learning.draw(curves, curves, 0.7)
+    figure = learning.draw(curves, curves, (), 0.7)
     for axes in figure.axes:
         assert set(PREDICTOR_COLOURS) <= {text.get_text() for text in axes.texts}
+
+
+def test_knowing_nobody_else_is_dashed_in_the_colour_of_the_same_model():
+    curves = {
+        name: {0: Mean(value, 0.4, 0.8), 5: Mean(value, 0.4, 0.8)}
+        for name, value in (("hierarchical", 0.7), ("hierarchical-alone", 0.6))
+    }
+    for axes in learning.draw(curves, curves, {"hierarchical-alone"}, None).axes:
+        together, alone = axes.lines
+        assert [line.get_ydata()[0] for line in (together, alone)] == [0.7, 0.6]
+        assert [line.get_linestyle() for line in (together, alone)] == ["-", "--"]
+        assert together.get_color() == alone.get_color()
 
 
 def test_the_other_car_stands_in_the_heat_map_where_it_is_and_the_feature_is_that_place_s():
@@ -109,6 +123,17 @@ def test_whole_drives_are_in_the_frame(n_ways):
         paths = np.concatenate([line.get_xydata() for line in axes.lines if line.get_gid()])
         assert len(paths) == 51 * len(PEOPLE)
         np.testing.assert_array_equal(np.clip(paths, (start, low), (end, high)), paths)
+
+
+def test_no_drive_runs_through_the_name_of_the_other_car():
+    controls = np.random.default_rng(5).uniform(-1.0, 1.0, (30, 10))
+    figure = optimal_drives.draw(DRIVING_V1, {"way": {str(k): row for k, row in enumerate(controls)}})
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    [name] = [text for text in axes.texts if text.get_text() == "the other car"]
+    box = Text.get_window_extent(name)  # without the line to the car
+    for line in axes.lines:
+        assert not line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False)
 
 
 def test_both_drives_of_a_query_are_named():

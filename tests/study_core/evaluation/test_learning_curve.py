@@ -54,6 +54,15 @@ def test_nobody_is_learned_from_before_they_are_predicted():
     np.testing.assert_allclose(curve[4]["c"].accuracy, 2 / 3)
 
 
+def test_whoever_knows_nobody_else_is_fitted_to_nobody():
+    predictor = Surer()
+    curve = learning_curve(
+        0, DRIVING_V1, [person("a", 1, [1.0, -1.0])], predictor, (0, 4), knows_others=False
+    )
+    assert predictor.learned_from == [set()]
+    np.testing.assert_allclose(curve[4]["a"].expected_accuracy, 0.7)
+
+
 def test_the_majority_is_that_of_the_others_who_saw_the_same():
     signs = {"a": [1.0, 1.0, -1.0], "b": [1.0, -1.0, -1.0], "c": [1.0, -1.0, 1.0]}
     everybody = [person(name, k, values) for k, (name, values) in enumerate(signs.items())]

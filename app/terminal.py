@@ -1,0 +1,55 @@
+"""What every command of the command line shares: options, progress, and how results are printed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from study_core.study import Study
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random in it.")]
+
+console = Console(stderr=True)
+
+
+def new_progress() -> Progress:
+    """Returns a progress display on stderr, so that stdout holds results alone."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )
+
+
+def counter(progress: Progress, description: str) -> Callable[[int, int], None]:
+    """Returns what shows how much is done; nothing is shown before it is called."""
+    tasks: list[TaskID] = []
+
+    def show(done: int, total: int) -> None:
+        if not tasks:
+            tasks.append(progress.add_task(description, total=total))
+        progress.update(tasks[0], completed=done)
+
+    return show
+
+
+def build_bank(study: Study) -> None:
+    """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
+    from study_core.bank import open_bank
+
+    if study.uses_bank:
+        with new_progress() as progress:
+            open_bank(study.domain, counter(progress, "bank of drives"))
+
+
+def print_result(result: dict[str, Any], is_json: bool) -> None:
+    """Prints what was measured: on one line, or to be read."""
+    print(json.dumps(result) if is_json else json.dumps(result, indent=2))
