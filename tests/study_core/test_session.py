@@ -264,6 +264,11 @@ def test_what_was_compared_is_what_the_posterior_sees_of_the_first_queries():
     np.testing.assert_array_equal(found.controls, [[query.controls_a, query.controls_b] for query in queries])
 
 
+def test_no_test_answer_is_among_what_a_feature_is_learned_from():
+    finished = reduce(STUDY, whole_log([Choice.A] * N))
+    assert len(compared(finished, N).controls) == len(compared(finished, N).comparisons) == N_ACTIVE
+
+
 BEGUN, FIRST = SessionBegun(1), prepared(0)
 ANSWERED = AnswerGiven(0, Choice.A, 500)
 FINISHED = whole_log([Choice.A] * N)
