@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import insert, select
+from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
@@ -40,6 +40,11 @@ def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:
         select(PosteriorRow).where(PosteriorRow.session_id == session_id).order_by(PosteriorRow.query_index)
     )
     return tuple(_record(row) for row in rows.scalars(query))
+
+
+def drop(rows: Session, session_id: str) -> None:
+    """Removes all posteriors of a session."""
+    rows.execute(delete(PosteriorRow).where(PosteriorRow.session_id == session_id))
 
 
 def _record(row: PosteriorRow) -> PosteriorRecord:
