@@ -16,6 +16,7 @@ PERSON_PREFIX = "person:"
 PREDICTOR_COLOURS = {
     "hand-coded-stored": GREY,
     "hand-coded-calibrated": SKY,
+    "hand-coded-population": GREEN,
     "personal-network": VERMILION,
     "personal-calibrated": ORANGE,
     "shared-network": PURPLE,
