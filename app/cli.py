@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -22,6 +22,9 @@ from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
 from app.terminal import JsonOption, SeedOption, build_bank, console, counter, new_progress
 from study_core.errors import StudyCoreError
+
+if TYPE_CHECKING:
+    from app.store import Store
 
 cli = typer.Typer(
     name="prefstudy",
@@ -253,9 +256,11 @@ def train(
 ) -> None:
     """Train the model of everyone who has finished and has none, rehearsed people apart.
 
+    Where a study starts from the people before, what they have in common is learned again too, if it isn't up to date.
     `serve` does the same by itself whenever somebody finishes.
     """
     from app import wiring
+    from app.store import open_store
 
     log.configure("WARNING")
     with wiring.training(database, workers or n_cores(), scheduler) as trainer, new_progress() as progress:
@@ -265,6 +270,17 @@ def train(
     whom = f" of {study}" if study else ""
     done = f"Trained the models of {len(missing)} people{whom}."
     print(done if missing else f"Nobody{whom} with enough answers lacks a model.")
+    with open_store(database) as store:
+        _learn_populations(store, study)
+
+
+def _learn_populations(store: Store, study_name: str | None) -> None:
+    """Learns what people have in common wherever that isn't up to date, and says so."""
+    from app import wiring
+
+    with wiring.populations(store) as populations:
+        for study in populations.missing(study_name):
+            print(f"Learned what {populations.fit(study)} people of {study.name} have in common.")
 
 
 @cli.command()
@@ -352,7 +368,8 @@ def delete(
 ) -> None:
     """Delete a person for good: answers, posteriors, measures, their models, and every model that learned from them.
 
-    Their id and the time of deletion stay. Copies that `migrate` or you have made are not touched.
+    What the others have in common is learned again. Their id and the time of deletion stay.
+    Copies that `migrate` or you have made are not touched.
     """
     from app.store import open_store
 
@@ -363,8 +380,9 @@ def delete(
         if not yes:
             typer.confirm(f"Delete {who} for good?", abort=True, err=True)
         done = store.delete_session(person_id)
-    models = f"{done.n_personal_models} personal and {done.n_shared_models} shared models"
-    print(f"Deleted {who}, with {models}.")
+        models = f"{done.n_personal_models} personal and {done.n_shared_models} shared models"
+        print(f"Deleted {who}, with {models}.")
+        _learn_populations(store, name)
     if not done.is_wiped:
         console.print(
             "[yellow]The database's files may still hold traces:[/] another program reads them or keeps them. "

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 
+from app.services.population import PopulationRequest
 from app.services.training import TrainingMethod, TrainingRequest
+from study_core import session_codec
 from study_core.domain import domain_named
 from study_core.networks import training
 from study_core.networks.checkpoint import to_bytes
 from study_core.networks.config import NetworkConfig
+from study_core.predictors.hand_coded_population import learn_population_prior
 from study_core.predictors.personal_network import (
     FEWEST_ANSWERS,
     PUBLISHED_CODE,
@@ -25,6 +28,13 @@ def train_personal_network(request: TrainingRequest) -> bytes:
     rng = stream(request.seed, request.kind, "person", str(request.participant))
     model = train_networks(rng, domain_named(request.domain_id), config, request.training)
     return to_bytes(checkpoint_of(model, request.training, request.seed))
+
+
+def fit_population(request: PopulationRequest) -> bytes:
+    """Returns what people have in common, as JSON text."""
+    population = learn_population_prior(domain_named(request.domain_id), request.people)
+    assert population is not None, "nobody asks where nobody has answered"
+    return json.dumps(session_codec.population_to_json(population)).encode()
 
 
 PERSONAL_NETWORK = TrainingMethod(

@@ -23,13 +23,14 @@ from app.engine.on_demand import InlineEngine, OnDemandEngine
 from app.errors import AppError
 from app.services import study as services
 from app.services.continuation import Engine
+from app.services.population import PopulationTrainer
 from app.services.runtime import Runtime
 from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
 from app.stage.stage import Picture
-from app.store import open_store, serve_lock
-from app.training import PERSONAL_NETWORK
+from app.store import Store, open_store, serve_lock
+from app.training import PERSONAL_NETWORK, fit_population
 from app.web.changes import Changes
 from app.web.site import SiteParts, create_site
 from study_core.study import Study
@@ -90,9 +91,21 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
         stack.callback(engine.close)
         trainer = Trainer(store, engine, PERSONAL_NETWORK)
         stack.callback(trainer.close)
-        parts = _parts(settings, Runtime(store, engine, continue_session, test_set, learn, trainer=trainer))
+        populations = PopulationTrainer(store, engine, fit_population)
+        stack.callback(populations.close)
+        runtime = Runtime(
+            store,
+            engine,
+            continue_session,
+            test_set,
+            learn,
+            trainer=trainer,
+            populations=populations,
+        )
+        parts = _parts(settings, runtime)
         parts.runtime.open_study(settings.study)
         trainer.begin_missing(settings.study.name)
+        populations.begin(settings.study)
         link = _join_link(settings, listener)
         _favour_latency()
         server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.close)
@@ -169,6 +182,16 @@ def training(database: str, n_workers: int, scheduler: str | None = None) -> Ite
         trainer = Trainer(store, engine, PERSONAL_NETWORK)
         stack.callback(trainer.close)
         yield trainer
+
+
+@contextmanager
+def populations(store: Store) -> Iterator[PopulationTrainer]:
+    """Gives what learns from all people of a study together, in this process: it takes no longer than a moment."""
+    trainer = PopulationTrainer(store, InlineEngine(), fit_population)
+    try:
+        yield trainer
+    finally:
+        trainer.close()
 
 
 def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:

@@ -99,7 +99,7 @@ def _population_to_json(event: PopulationAdopted) -> Json:
         "query_index": event.query_index,
         "key": event.key,
         "learned_from": list(event.learned_from),
-        "population": None if population is None else _plain(population),
+        "population": None if population is None else population_to_json(population),
     }
 
 
@@ -109,8 +109,18 @@ def _population_adopted(content: Json) -> PopulationAdopted:
         content["query_index"],
         content["key"],
         tuple(content["learned_from"]),
-        None if population is None else PopulationPrior(**_arrays(population)),
+        None if population is None else population_from_json(population),
     )
+
+
+def population_to_json(population: PopulationPrior) -> Json:
+    """Returns what people have in common as JSON values."""
+    return _plain(population)
+
+
+def population_from_json(content: Json) -> PopulationPrior:
+    """Returns what `population_to_json` wrote."""
+    return PopulationPrior(**_arrays(content))
 
 
 def _feature_to_json(event: FeatureLearned) -> Json:

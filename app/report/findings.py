@@ -23,6 +23,7 @@ from study_core.evaluation.scores import score
 from study_core.networks.config import NetworkConfig
 from study_core.predictors.alone import Alone
 from study_core.predictors.hand_coded import HandCodedCalibrated, HandCodedStored, MeanModel
+from study_core.predictors.hand_coded_population import HandCodedPopulation
 from study_core.predictors.hierarchical import Hierarchical
 from study_core.predictors.personal_network import NetworkModel, PersonalNetwork
 from study_core.predictors.predictor import Predictor
@@ -37,8 +38,8 @@ QUERY_METHODS = ("information-gain", "heuristic", "information-gain-realistic")
 _QUERY_STUDY, _ANSWERS_BEFORE_QUERY = "quickstart", 10
 
 # Who predicts somebody new: with the others' answers, and without them, the same models foremost.
-_TOGETHER: tuple[Predictor, ...] = (Hierarchical(), SharedNetwork())
-_ALONE: tuple[Predictor, ...] = (*map(Alone, _TOGETHER), HandCodedCalibrated())
+_TOGETHER: tuple[Predictor, ...] = (Hierarchical(), SharedNetwork(), HandCodedPopulation())
+_ALONE: tuple[Predictor, ...] = (Alone(Hierarchical()), Alone(SharedNetwork()), HandCodedCalibrated())
 LEARN_ALONE = frozenset(predictor.name for predictor in _ALONE)
 """Names of predictors of somebody new that know nobody else."""
 

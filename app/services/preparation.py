@@ -11,7 +11,7 @@ from app.services import learning
 from app.services.chained import then
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
-from app.store import PositionTakenError, PosteriorRecord, SessionDeletedError
+from app.store import PopulationWithdrawnError, PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice
 from study_core.posterior.run import Posterior
@@ -100,7 +100,12 @@ def prepare(runtime: Runtime, live: LiveSession) -> None:
         deliver_when_done(runtime, live, computation)
         return
     continuation: Continuation = computation.result()
-    runtime.append(live, *entry(continuation))
+    try:
+        runtime.append(live, *entry(continuation))
+    except PopulationWithdrawnError:
+        # The state that was read again starts from the study file's prior.
+        prepare(runtime, live)
+        return
     announce(runtime, live, continuation)
 
 
@@ -130,6 +135,12 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
             return
         try:
             runtime.append(live, *entry(continuation))
+        except PopulationWithdrawnError:
+            log.info(
+                "session %s: somebody before was deleted; its query is chosen without them", live.record.id
+            )
+            prepare(runtime, live)
+            return
         except PositionTakenError:
             log.info("session %s: another process prepared the query first", live.record.id)
             return

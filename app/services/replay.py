@@ -20,7 +20,13 @@ from study_core.comparison import Choice
 from study_core.errors import ScriptError, StudyError
 from study_core.queries import Participant
 from study_core.replay import first_difference
-from study_core.session import AnswerGiven, FeatureLearned, QueryPrepared, SessionBegun
+from study_core.session import (
+    AnswerGiven,
+    FeatureLearned,
+    PopulationAdopted,
+    QueryPrepared,
+    SessionBegun,
+)
 from study_core.study import Study, parse_study
 
 
@@ -38,6 +44,7 @@ class Script:
         participant: Names the session's random streams.
         answers: In order.
         stored: The queries as they were asked, or none for a script written by hand.
+        adopted: What the session started from of the people before, if from anything.
         learned: The features that were learned on the way, as they were stored.
     """
 
@@ -46,6 +53,7 @@ class Script:
     participant: Participant
     answers: tuple[AnswerGiven, ...]
     stored: tuple[QueryPrepared, ...] = ()
+    adopted: PopulationAdopted | None = None
     learned: tuple[FeatureLearned, ...] = ()
 
 
@@ -71,7 +79,8 @@ def replay(runtime: Runtime, script: Script) -> Json:
     is_partial = bool(script.stored) and len(script.answers) < script.study.protocol.n_queries
     if not is_partial:
         _require_count(script)
-    _, record = services.join(runtime, script.study, script.participant)
+    # What people before taught is in the log; what the store knows of them by now is another thing.
+    _, record = services.join(runtime, script.study, script.participant, lambda *_: script.adopted)
     remaining = iter(script.answers)
 
     def answer(prepared: QueryPrepared) -> tuple[Choice, int]:
@@ -214,11 +223,18 @@ def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json
     begun = next((event for event in events if isinstance(event, SessionBegun)), None)
     if begun is None:
         raise ScriptError(f"{folder}: the log of person {person_id} does not begin. Export again.")
+    adopted = next((event for event in events if isinstance(event, PopulationAdopted)), None)
+    if adopted is not None and adopted.population is None:
+        raise ScriptError(
+            f"{folder}: the queries of person {person_id} can't be derived again: somebody whom their start was "
+            "learned from has been deleted, and what they taught with them. Replay a folder without this person."
+        )
     return Script(
         f"{folder}, person {person_id}",
         study,
         begun.participant,
         tuple(event for event in events if isinstance(event, AnswerGiven)),
         tuple(event for event in events if isinstance(event, QueryPrepared)),
+        adopted,
         tuple(event for event in events if isinstance(event, FeatureLearned)),
     )

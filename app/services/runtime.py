@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from app.services.continuation import Computation, ContinueFn, Engine, LearnFn, TestSetFn
+from app.services.population import PopulationTrainer
 from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
@@ -72,6 +73,7 @@ class Runtime:
         learn_fn: LearnFn,
         on_change: Callable[[str], None] = lambda session_id: None,
         trainer: Trainer | None = None,
+        populations: PopulationTrainer | None = None,
     ) -> None:
         """Joins the parts.
 
@@ -83,6 +85,7 @@ class Runtime:
             learn_fn: Learns a feature from a session's own answers.
             on_change: Told the id of a session whose log has grown, after it is durable.
             trainer: Learns from whoever has finished; None where nobody is to be learned from.
+            populations: Learns what they have in common; None where nobody is to be learned from.
         """
         self.store = store
         self.engine = engine
@@ -90,6 +93,7 @@ class Runtime:
         self.learn_fn = learn_fn
         self.on_change = on_change
         self.trainer = trainer
+        self.populations = populations
         self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
         self._test_set_fn = test_set_fn
         self._studies: dict[str, OpenStudy] = {}
@@ -182,7 +186,8 @@ class Runtime:
         """Appends events durably and moves the live state on; the caller holds the session's lock.
 
         Raises:
-            PositionTakenError: Another process wrote first; the live state has been read again.
+            PositionTakenError: Another process wrote first, or somebody was deleted whom the session's start was
+                learned from; the live state has been read again.
             SessionDeletedError: The session is gone; so is what was known of it here.
         """
         state = live.state
@@ -190,11 +195,14 @@ class Runtime:
             state = apply(live.study, state, event)
         new = [NewEvent(session_codec.kind_of(event), session_codec.to_json(event)) for event in events]
         try:
-            self.store.append(live.record.id, live.state.n_events, new, posterior, report)
+            goes_on_from_people = live.state.knowledge.population is not None
+            self.store.append(
+                live.record.id, live.state.n_events, new, posterior, report, goes_on_from_people
+            )
         except SessionDeletedError:
             self._forget(live.record)
             raise
         except Exception:
-            live.state = self._stored_state(live.study, live.record.id)
+            live.state, live.ahead = self._stored_state(live.study, live.record.id), {}
             raise
         live.state = state

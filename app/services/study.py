@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from app.errors import AppError
-from app.services import preparation
+from app.services import population, preparation
 from app.services.continuation import Computation, Continuation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
-from app.store import NewReport, PositionTakenError, SessionRecord, Source
+from app.store import NewReport, PopulationWithdrawnError, PositionTakenError, SessionRecord, Source
 from study_core.comparison import Choice, Query
 from study_core.queries import Participant
-from study_core.session import Action, AnswerGiven, SessionBegun, apply, next_action
+from study_core.session import Action, AnswerGiven, PopulationAdopted, SessionBegun, apply, next_action
 from study_core.study import Study
 
 # Nobody watches two five-second drives for a day; anything beyond is a clock gone wrong.
@@ -68,13 +70,25 @@ class AnswerReceipt:
     screen: Screen
 
 
-def join(runtime: Runtime, study: Study, rehearsal: Participant | None = None) -> tuple[str, SessionRecord]:
+AdoptFn = Callable[[Runtime, Study], PopulationAdopted | None]
+"""Says which people before a session starts from, if from any."""
+
+
+def adopt_stored(runtime: Runtime, study: Study) -> PopulationAdopted | None:
+    """Returns what the store knows of the people before; None without any, or where the study wants none."""
+    return population.adopted(runtime.store, study)
+
+
+def join(
+    runtime: Runtime, study: Study, rehearsal: Participant | None = None, adopt: AdoptFn = adopt_stored
+) -> tuple[str, SessionRecord]:
     """Creates a session and begins it.
 
     Args:
         runtime: The services' resources.
         study: The study.
         rehearsal: For a simulated or scripted person: what names the session's random streams.
+        adopt: Says which people before the session starts from.
 
     Returns:
         The session's secret token, known to nobody else, and its record.
@@ -83,7 +97,7 @@ def join(runtime: Runtime, study: Study, rehearsal: Participant | None = None) -
     token = new_token()
     source = Source.JOINED if rehearsal is None else Source.REHEARSED
     record = runtime.store.create_session(opened.study.hash, hash_token(token), source)
-    begin(runtime, record.id, rehearsal)
+    begin(runtime, record.id, rehearsal, adopt)
     return token, record
 
 
@@ -97,12 +111,21 @@ def find_known(runtime: Runtime, token: str) -> SessionRecord | None:
     return runtime.known_session(hash_token(token))
 
 
-def begin(runtime: Runtime, session_id: str, participant: Participant | None = None) -> Screen:
+def begin(
+    runtime: Runtime,
+    session_id: str,
+    participant: Participant | None = None,
+    adopt: AdoptFn = adopt_stored,
+) -> Screen:
     """Leaves the welcome page; doing it twice changes nothing. Streams are named by the ordinal unless told."""
     live = runtime.live(session_id)
     with live.lock:
-        if next_action(live.study, live.state) is Action.WELCOME:
-            runtime.append(live, [SessionBegun(participant or live.record.ordinal)])
+        while next_action(live.study, live.state) is Action.WELCOME:
+            people_before = adopt(runtime, live.study)
+            begun = SessionBegun(participant or live.record.ordinal)
+            # Somebody may be deleted between the reading of what they taught and this.
+            with suppress(PopulationWithdrawnError):
+                runtime.append(live, [begun] if people_before is None else [begun, people_before])
         preparation.prepare(runtime, live)
         return _screen(live)
 
@@ -145,7 +168,7 @@ def answer(
         if refused is not None:
             return AnswerReceipt(refused, _screen(live))
         try:
-            continuation, pending = _take(runtime, live, given, measures)
+            continuation, pending = _take_whatever_is_withdrawn(runtime, live, given, measures)
         except PositionTakenError:
             return AnswerReceipt(_refusal(live, query_index) or Outcome.NOT_CURRENT, _screen(live))
         if pending is not None:
@@ -155,9 +178,16 @@ def answer(
         preparation.announce(runtime, live, continuation)
     else:
         runtime.on_change(session_id)
-    if receipt.screen.kind == "finished" and runtime.trainer is not None:
-        runtime.trainer.begin(session_id)
+    if receipt.screen.kind == "finished":
+        _learn_from(runtime, live)
     return receipt
+
+
+def _learn_from(runtime: Runtime, live: LiveSession) -> None:
+    if runtime.trainer is not None:
+        runtime.trainer.begin(live.record.id)
+    if runtime.populations is not None:
+        runtime.populations.begin(live.study)
 
 
 def current_query(runtime: Runtime, session_id: str) -> tuple[Study, int, Query] | None:
@@ -187,6 +217,16 @@ def _refusal(live: LiveSession, query_index: int) -> Outcome | None:
     if current is None or current.query_index != query_index:
         return Outcome.NOT_CURRENT
     return None
+
+
+def _take_whatever_is_withdrawn(
+    runtime: Runtime, live: LiveSession, given: AnswerGiven, measures: dict[str, Any] | None
+) -> tuple[Continuation | None, Computation | None]:
+    """Takes the answer; if somebody before was deleted since the query was shown, goes on without what they taught."""
+    try:
+        return _take(runtime, live, given, measures)
+    except PopulationWithdrawnError:
+        return _take(runtime, live, given, measures)
 
 
 def _take(

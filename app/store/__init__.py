@@ -3,7 +3,7 @@
 The only package that imports SQLAlchemy. Its rows stay inside; records go in and come out.
 """
 
-from app.store.errors import PositionTakenError, SessionDeletedError, StoreError
+from app.store.errors import PopulationWithdrawnError, PositionTakenError, SessionDeletedError, StoreError
 from app.store.locking import serve_lock
 from app.store.records import (
     Deletion,
@@ -27,6 +27,7 @@ __all__ = [
     "ModelRecord",
     "NewEvent",
     "NewReport",
+    "PopulationWithdrawnError",
     "PositionTakenError",
     "PosteriorRecord",
     "SessionDeletedError",

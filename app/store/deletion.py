@@ -1,4 +1,8 @@
-"""The one exception to append-only: a person takes back everything they gave."""
+"""The one exception to append-only: a person takes back everything they gave.
+
+What was learned from them goes as well, from whatever it stands in: shared models, and the logs of those who started
+from one, who go on from their study file's prior.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,7 @@ def delete_session(rows: Session, session_id: str) -> Deletion:
         select(func.count()).select_from(PersonalModelRow).where(PersonalModelRow.session_id == session_id)
     )
     n_shared_models = learned.drop_shared_of(rows, session_id)
+    events.withdraw_populations(rows, session_id)
     # The log, the posteriors, the browser's measures and the person's own models go with the session.
     rows.execute(delete(SessionRow).where(SessionRow.id == session_id))
     rows.add(TombstoneRow(session_id=session_id, deleted_at=now()))

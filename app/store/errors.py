@@ -16,3 +16,7 @@ class PositionTakenError(StoreError):
 
     A double press, a second tab or a late retry ends here. Nothing was written; read the log again.
     """
+
+
+class PopulationWithdrawnError(PositionTakenError):
+    """Somebody whom the session's start was learned from has been deleted. Nothing was written; read the log again."""

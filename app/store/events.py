@@ -12,13 +12,14 @@ from sqlalchemy.orm import Session
 
 from app.store import posteriors, sessions
 from app.store.codec import decode_json, encode_json
-from app.store.errors import PositionTakenError, StoreError
-from app.store.models import EventRow, SessionRow, table_of
+from app.store.errors import PopulationWithdrawnError, PositionTakenError, StoreError
+from app.store.models import EventRow, SessionRow, TombstoneRow, table_of
 from app.store.records import EventRecord, NewEvent, PosteriorRecord
 from app.store.utc import now
 
 _ANSWER = "answer_given"
 _PREPARED = "query_prepared"
+_ADOPTED = "population_adopted"
 
 _LAST_POSITION = (
     select(
@@ -64,8 +65,14 @@ def append(
     expected_position: int,
     events: Sequence[NewEvent],
     posterior: PosteriorRecord | None,
+    goes_on_from_people: bool = False,
 ) -> None:
     """Adds events at the end of the log, with the posterior that belongs to them."""
+    if goes_on_from_people:
+        _refuse_if_withdrawn(rows, session_id)
+    for event in events:
+        if event.kind == _ADOPTED:
+            _refuse_if_deleted(rows, session_id, event.payload["learned_from"])
     length = _length(rows, session_id)
     if length != expected_position:
         raise PositionTakenError(
@@ -85,6 +92,41 @@ def append(
         ) from error
     if posterior is not None:
         posteriors.add(rows, session_id, posterior)
+
+
+def withdraw_populations(rows: Session, session_id: str) -> None:
+    """Takes out of all logs what was learned from a person, and the posteriors that are nothing but draws from it.
+
+    That somebody started from the people before, and from whom, stays. It is the one case in which an entry of a log
+    that stays is changed.
+    """
+    query = select(EventRow).where(EventRow.kind == _ADOPTED, EventRow.payload.contains(session_id))
+    for row in rows.scalars(query):
+        payload = decode_json(row.payload)
+        if payload["population"] is None:
+            continue
+        row.payload = encode_json({**payload, "population": None})
+        posteriors.drop_first(rows, row.session_id)
+    rows.flush()
+
+
+def _refuse_if_withdrawn(rows: Session, session_id: str) -> None:
+    query = select(EventRow.payload).where(EventRow.session_id == session_id, EventRow.kind == _ADOPTED)
+    for payload in rows.scalars(query):
+        if decode_json(payload)["population"] is None:
+            raise _withdrawn(session_id)
+
+
+def _refuse_if_deleted(rows: Session, session_id: str, learned_from: Sequence[str]) -> None:
+    query = select(TombstoneRow).where(TombstoneRow.session_id.in_(learned_from))
+    if rows.scalars(query).first() is not None:
+        raise _withdrawn(session_id)
+
+
+def _withdrawn(session_id: str) -> PopulationWithdrawnError:
+    return PopulationWithdrawnError(
+        f"Somebody whom the start of session {session_id} was learned from has been deleted. Read the log again."
+    )
 
 
 def _length(rows: Session, session_id: str) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import insert, select
+from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
@@ -40,6 +40,12 @@ def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:
         select(PosteriorRow).where(PosteriorRow.session_id == session_id).order_by(PosteriorRow.query_index)
     )
     return tuple(_record(row) for row in rows.scalars(query))
+
+
+def drop_first(rows: Session, session_id: str) -> None:
+    """Removes the posterior that a session has before any answer of its own."""
+    first = delete(PosteriorRow).where(PosteriorRow.session_id == session_id, PosteriorRow.query_index == 0)
+    rows.execute(first)
 
 
 def _record(row: PosteriorRow) -> PosteriorRecord:

@@ -145,6 +145,9 @@ class Store:
     def delete_session(self, session_id: str) -> Deletion:
         """Removes a session for good: its log, posteriors, measures and models, and what others' models learned of it.
 
+        Whoever started from such a model goes on from their study file's prior: its numbers are taken out of their
+        logs, the only entries of a log that are ever changed, and the posteriors that were drawn with it are removed.
+
         A tombstone stays, without content; what comes late for the session is refused.
 
         Raises:
@@ -176,6 +179,7 @@ class Store:
         new_events: Sequence[NewEvent],
         posterior: PosteriorRecord | None = None,
         report: NewReport | None = None,
+        goes_on_from_people: bool = False,
     ) -> None:
         """Appends events to a session's log, all or none.
 
@@ -185,13 +189,16 @@ class Store:
             new_events: What happened, in order.
             posterior: The posterior that a prepared query among the events was chosen from.
             report: What the browser measured while it showed an answered query.
+            goes_on_from_people: Whether the caller believes that the session still has what the people before taught.
 
         Raises:
+            PopulationWithdrawnError: It hasn't, or the events hold what somebody taught who has been deleted since.
+                Nothing was written.
             PositionTakenError: When the log isn't of the expected length, or a query in the events was
                 already prepared or answered. Nothing was written.
         """
         with self._database.writing() as rows:
-            events.append(rows, session_id, expected_position, new_events, posterior)
+            events.append(rows, session_id, expected_position, new_events, posterior, goes_on_from_people)
             if report is not None:
                 measures.add(rows, session_id, report)
 

@@ -70,7 +70,7 @@ class LearnedFeature:
     def of_trajectories(
         self, domain: Domain, states: Float[np.ndarray, "n n_steps n_states"]
     ) -> Float[np.ndarray, " n"]:
-        """Returns the feature of each trajectory, up to a constant.
+        """Returns the feature of each trajectory, less that of inputs that are all zero.
 
         Args:
             domain: Gives the networks' inputs.
@@ -82,7 +82,7 @@ class LearnedFeature:
     def with_slopes(
         self, inputs: Float[np.ndarray, "n n_steps n_inputs"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_steps n_inputs"]]:
-        """Returns the feature of each trajectory, up to a constant, and its slopes in the networks' inputs.
+        """Returns what `of_trajectories` does, and its slopes in the networks' inputs.
 
         In double precision, since a climb needs values as smooth as its slopes.
         """
@@ -93,8 +93,11 @@ class LearnedFeature:
             to_outputs = networks.output_weights[row].astype(np.float64)
             hidden = inputs @ hidden_weights.T + networks.hidden_biases[row]
             outputs = np.tanh(np.maximum(hidden, 0.0) @ to_outputs.T + networks.output_biases[row])
+            at_zero = (
+                np.maximum(networks.hidden_biases[row], 0.0) @ to_outputs.T + networks.output_biases[row]
+            )
             linear = networks.linear_weights[row] / len(networks)
-            values += outputs.sum(axis=1) @ linear
+            values += (outputs - np.tanh(at_zero)).sum(axis=1) @ linear
             slopes += ((1.0 - outputs**2) * linear @ to_outputs * (hidden > 0.0)) @ hidden_weights
         return values, slopes
 

@@ -150,6 +150,9 @@ def _next_power(stage: _Stage, power: float) -> float:
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if is_enough(middle) else (low, middle)
+    # Where people before were much alike, even a small share of what they say leaves few of the prior's draws.
+    while low == 0.0:
+        low, high = (0.5 * high, high) if is_enough(0.5 * high) else (0.0, 0.5 * high)
     return min(1.0, max(low, _SMALLEST_GROWTH * power))
 
 

@@ -52,7 +52,10 @@ def log_evidence(
     comparisons: ComparisonSet,
     n_draws: int = _DRAWS,
 ) -> Evidence:
-    """Returns the evidence of a response model whose parameters are fixed or inferred; 0 without answers."""
+    """Returns the evidence of a response model whose parameters are fixed or inferred.
+
+    It is 0 without answers; where the people before are known it has a constant in it, the same for every model.
+    """
     target = Target(prior, response, comparisons)
     mixture = learn_proposal(rng, target, _WARMUP_DRAWS, n_starts=1).mixture
     points = mixture.draw(rng, n_draws)

@@ -14,8 +14,16 @@ from study_core.posterior.mixture_kernels import log_density
 BALL = 0
 SPHERE = 1
 
-# Support, number of features, response kind, response parameters and packed answers; see `Target.for_kernels`.
-KernelTarget = tuple[int, int, int, tuple[np.ndarray, ...], tuple[np.ndarray, int, np.ndarray]]
+# Support, number of features, response kind, response parameters, packed answers, and mean and precision of what the
+# people before care for (empty without them); see `Target.for_kernels`.
+KernelTarget = tuple[
+    int,
+    int,
+    int,
+    tuple[np.ndarray, ...],
+    tuple[np.ndarray, int, np.ndarray],
+    tuple[np.ndarray, np.ndarray],
+]
 
 _QUARTER_PI = 0.25 * math.pi
 _SQRT_HALF = math.sqrt(0.5)
@@ -74,9 +82,35 @@ def _parameters(response, point):
 
 
 @njit(cache=True)
+def _log_population(population, response, point, weights):
+    """Returns by how much the people before change the log prior at a point, up to a constant.
+
+    Their normal density of u = beta w takes the place of the uniform one of w and of the log-normal one of beta. In
+    polar coordinates u has the volume beta^(d - 1) dbeta, and beta dz is proportional to dbeta.
+    """
+    mean, precision = population
+    _, places, locations, scales = response
+    coordinate = point[places[0]]
+    log_rationality = locations[0] + scales[0] * coordinate
+    rationality = math.exp(log_rationality)
+    squared = 0.0
+    for i in range(mean.shape[0]):
+        row = 0.0
+        for j in range(mean.shape[0]):
+            row += precision[i, j] * (rationality * weights[j] - mean[j])
+        squared += row * (rationality * weights[i] - mean[i])
+    if not squared < math.inf:
+        # Too far out for u to be a number: nothing can be there.
+        return -math.inf
+    return 0.5 * coordinate * coordinate + mean.shape[0] * log_rationality - 0.5 * squared
+
+
+@njit(cache=True)
 def _log_posterior(target, point, weights, floor):
     """Returns log prior + log-likelihood at a point, or anything below `floor` if it is below; fills `weights`."""
     prior = log_prior(target[0], point, weights)
+    if target[5][0].shape[0] > 0:
+        prior += _log_population(target[5], target[3], point, weights)
     if prior < floor:
         # The likelihood is at most 1.
         return prior
@@ -88,7 +122,11 @@ def _log_posterior(target, point, weights, floor):
 
 @njit(cache=True)
 def log_densities(target, points):
-    """Returns the log prior density and the log-likelihood of each point; a point too far out has -inf and 0."""
+    """Returns the log prior density and the log-likelihood of each point; a point too far out has -inf and 0.
+
+    What the people before say counts as an answer here. So the prior is one whose draws are exact, and on the way from
+    it to the posterior they come in together with the answers.
+    """
     n = points.shape[0]
     weights = np.empty(target[1])
     priors, likelihoods = np.empty(n), np.zeros(n)
@@ -99,6 +137,8 @@ def log_densities(target, points):
             likelihoods[i] = log_likelihood(
                 target[2], weights, rationality, lapse_rate, tie_threshold, target[4], -math.inf
             )
+            if target[5][0].shape[0] > 0:
+                likelihoods[i] += _log_population(target[5], target[3], points[i], weights)
     return priors, likelihoods
 
 

@@ -27,6 +27,12 @@ class PopulationPrior:
     covariance: Float[np.ndarray, "n_features n_features"]
 
     @property
+    def precision(self) -> Float[np.ndarray, "n_features n_features"]:
+        """Returns the inverse of the covariance, symmetric to the last bit."""
+        inverse = np.linalg.inv(self.covariance)
+        return np.ascontiguousarray(0.5 * (inverse + inverse.T))
+
+    @property
     def digest(self) -> str:
         """Returns the SHA-256 of its numbers, in hex."""
         return hashlib.sha256(self.mean.tobytes() + self.covariance.tobytes()).hexdigest()

@@ -44,7 +44,8 @@ class Posterior:
         samples: Evenly thinned draws of w, shape `(n_samples, n_features)`.
         parameters: The response model's parameters; row i belongs to `samples[i]`.
         log_densities: Log posterior density of each, up to a constant: the likelihood, times the prior of the
-            inferred parameters on the scale on which it is normal; that of w is uniform. Shape `(n_samples,)`.
+            inferred parameters on the scale on which it is normal; that of w is uniform, or with that of the
+            rationality what the people before say. Shape `(n_samples,)`.
         mean: Mean of w over all draws, shape `(n_features,)`.
         diagnostics: Of all draws, not of the thinned ones: of each weight, then of each inferred parameter.
     """

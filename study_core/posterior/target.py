@@ -21,6 +21,8 @@ class Target:
     """The joint posterior of w and the inferred response parameters, in unbounded coordinates.
 
     The first coordinates are the prior's, then one for each inferred parameter, standard normal under its prior.
+    Where the people before are known, `draw_prior` and `log_normaliser` leave them out, and `log_densities` counts
+    what they say with the answers.
 
     Attributes:
         prior: Prior over w.
@@ -50,7 +52,25 @@ class Target:
                 fixed[k] = setting
         answers = pack(self.comparisons.feature_diffs, self.comparisons.signs)
         response = (fixed, places, locations, scales)
-        return self.prior.kernel_support, self.prior.n_features, self.response.kernel_kind, response, answers
+        return (
+            self.prior.kernel_support,
+            self.prior.n_features,
+            self.response.kernel_kind,
+            response,
+            answers,
+            self._population_for_kernels(),
+        )
+
+    def _population_for_kernels(
+        self,
+    ) -> tuple[Float[np.ndarray, " n_known"], Float[np.ndarray, "n_known n_known"]]:
+        """Returns mean and precision of what the people before care for; empty without them."""
+        population = self.prior.population
+        if population is None:
+            return np.empty(0), np.empty((0, 0))
+        assert self.prior.support == "sphere", "on the ball the length of w isn't the rationality's"
+        assert self.response.settings["rationality"] == "inferred", "utilities have a length of their own"
+        return population.mean.copy(), population.precision
 
     def draw_prior(self, rng: np.random.Generator, n: int) -> Float[np.ndarray, "n n_coordinates"]:
         """Returns the coordinates of n independent draws from the prior."""
@@ -60,7 +80,10 @@ class Target:
     def log_densities(
         self, points: Float[np.ndarray, "n n_coordinates"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Returns the log prior density of each point, without `log_normaliser`, and its log-likelihood."""
+        """Returns the log prior density of each point, without `log_normaliser`, and its log-likelihood.
+
+        What the people before say is part of the second, up to a constant.
+        """
         log_priors, log_likelihoods = kernels.log_densities(self.for_kernels, points)
         return log_priors, log_likelihoods
 

@@ -12,6 +12,7 @@ from scipy.special import expit
 
 from study_core.choice import ResponseModel
 from study_core.domain import Domain
+from study_core.posterior.population import PopulationPrior
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import Posterior, SamplerSettings, infer
 from study_core.predictors.own_answers import OwnAnswers, comparisons, hand_coded_diffs
@@ -103,8 +104,17 @@ def _learn_mean(rng: np.random.Generator, training: Training, domain: Domain) ->
     return MeanModel(domain, posterior_mean(rng, training, domain))
 
 
-def learn_posterior(rng: np.random.Generator, training: Training, domain: Domain) -> PosteriorModel:
-    """Returns the calibrated posterior after some answers, or none."""
-    prior = Prior("sphere", len(domain.feature_names))
+def learn_posterior(
+    rng: np.random.Generator, training: Training, domain: Domain, population: PopulationPrior | None = None
+) -> PosteriorModel:
+    """Returns the calibrated posterior after some answers, or none.
+
+    Args:
+        rng: Source of all randomness.
+        training: The answers.
+        domain: Gives the hand-coded features.
+        population: What the people before care for.
+    """
+    prior = Prior("sphere", len(domain.feature_names), population)
     answers = comparisons(domain, training)
     return PosteriorModel(domain, infer(rng, prior, CALIBRATED_RESPONSE, answers, SETTINGS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from study_core.predictors.hand_coded import HandCodedCalibrated, HandCodedStored
+from study_core.predictors.hand_coded_population import HandCodedPopulation
 from study_core.predictors.hierarchical import Hierarchical
 from study_core.predictors.personal_calibrated import PersonalCalibrated
 from study_core.predictors.personal_network import PersonalNetwork
@@ -19,6 +20,7 @@ def all_predictors(n_threads: int) -> tuple[Predictor, ...]:
     return (
         HandCodedStored(),
         HandCodedCalibrated(),
+        HandCodedPopulation(),
         PersonalNetwork(n_threads=n_threads),
         PersonalCalibrated(n_threads=n_threads),
         SharedNetwork(),

@@ -52,7 +52,8 @@ def test_an_evaluation_prints_every_predictor_for_every_person(evaluation: Resul
 def test_somebody_new_is_predicted_with_and_without_the_others(evaluation: Result) -> None:
     found = json.loads(evaluation.stdout)["new_person"]
     together = {"hierarchical", "shared-network"}
-    assert set(found) == together | {f"{name}-alone" for name in together} | {"hand-coded-calibrated"}
+    hand_coded = {"hand-coded-population", "hand-coded-calibrated"}
+    assert set(found) == together | {f"{name}-alone" for name in together} | hand_coded
     for by_number in found.values():
         assert list(by_number) == ["0", "5", "10", "20", "50", "100"]
         # Nobody has given more than 16 answers.

@@ -10,14 +10,19 @@ import httpx
 import numpy as np
 
 from app.services.people import person
+from app.services.population import KIND as POPULATION
 from app.settings import find_study
 from app.store import Store, open_store
 from app.training import PERSONAL_NETWORK
 from study_core import session_codec
+from study_core.comparison import ComparisonSet
+from study_core.knowledge import Knowledge
 from study_core.networks.checkpoint import from_bytes
 from study_core.online.learn import learn_feature
+from study_core.predictors.hand_coded_population import learn_population_prior
 from study_core.predictors.personal_network import PersonalNetwork, model_of
-from study_core.session import FeatureLearned, compared, reduce
+from study_core.queries import infer_posterior
+from study_core.session import FeatureLearned, PopulationAdopted, compared, reduce
 from study_core.study import parse_study
 from tests.support.screens import screens
 from tests.support.server import ServerProcess, kill_process, running_server
@@ -106,3 +111,32 @@ def test_a_served_session_goes_on_with_the_feature_that_its_answers_taught_thoug
     assert (learned.query_index, learned.n_queries) == (15, 11)
     assert learned.feature == learn_feature(study, before.participant, 11, compared(before, 11))
     assert widths == {index: 4 if index < 15 else 5 for index in range(25)}
+
+
+def test_the_next_person_starts_from_whoever_has_finished(tmp_path: Path) -> None:
+    text = Path(study_in(tmp_path)).read_text().replace("rationality = 200.0", 'rationality = "inferred"')
+    study_file = tmp_path / "before.toml"
+    study_file.write_text(f"{text}\n[learning]\npeople_before = true\n")
+    with running_server(tmp_path, str(study_file)) as server, open_store(server.database) as store:
+        answer_everything(server, "quickstart", _N_ACTIVE + 1)
+        (first,) = store.sessions()
+        until = time.monotonic() + _PATIENCE_S
+        while store.shared_model("quickstart", POPULATION) is None and time.monotonic() < until:
+            time.sleep(0.1)
+        answer_everything(server, "quickstart", 1)
+        known = person(store, first)
+        second = store.sessions()[1]
+        events = [session_codec.from_json(event.kind, event.payload) for event in store.events(second.id)]
+        alone, informed = (store.posteriors(record.id)[0].mean for record in (first, second))
+    adopted = events[1]
+    assert isinstance(adopted, PopulationAdopted)
+    assert adopted.learned_from == (first.id,)
+    expected = learn_population_prior(known.study.domain, {first.id: known.training})
+    assert adopted.population is not None
+    assert expected is not None
+    np.testing.assert_array_equal(adopted.population.mean, expected.mean)
+    study = known.study.knowing(Knowledge(adopted.population))
+    nothing = ComparisonSet.empty(len(study.domain.feature_names))
+    again = infer_posterior(study, second.ordinal, 0, nothing).mean
+    np.testing.assert_array_equal(informed, again)
+    assert np.abs(informed - alone).max() > 0.05

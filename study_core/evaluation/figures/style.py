@@ -16,12 +16,14 @@ PERSON_PREFIX = "person:"
 PREDICTOR_COLOURS = {
     "hand-coded-stored": GREY,
     "hand-coded-calibrated": GREEN,
+    "hand-coded-population": GREEN,
     "personal-network": VERMILION,
     "personal-calibrated": ORANGE,
     "shared-network": PURPLE,
     "hierarchical": BLUE,
 }
-# A predictor cut off from other people keeps its colour, and is told apart by its line.
+# A predictor cut off from other people keeps its colour, and is told apart by its line; `hand-coded-calibrated` is
+# `hand-coded-population` without them.
 PREDICTOR_COLOURS |= {f"{name}-alone": PREDICTOR_COLOURS[name] for name in ("shared-network", "hierarchical")}
 
 

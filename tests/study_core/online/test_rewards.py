@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from study_core.domain import Domain
-from study_core.domain_check import check_domain
 from study_core.online.feature import N_FOLDS
 from study_core.online.learn import learn_feature
 from tests.study_core.online.simulated import STUDY, answers
@@ -29,9 +28,15 @@ def plain_feature(states, rows):
     return total / len(rows)
 
 
-def test_it_is_a_domain():
+def test_it_is_a_domain_whose_rewards_are_those_of_its_features():
     assert isinstance(DOMAIN, Domain)
-    check_domain(DOMAIN, np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    controls = rng.uniform(DOMAIN.control_lower, DOMAIN.control_upper, (30, 10))
+    weights = rng.uniform(0.1, 1.0, (30, 5))
+    rewards, _ = DOMAIN.reward_and_gradient(controls, weights)
+    expected = (DOMAIN.features(DOMAIN.rollout(controls)) * weights).sum(axis=1)
+    # Features come in single precision, rewards to climb on in double.
+    np.testing.assert_allclose(rewards, expected, atol=1e-6)
     assert DOMAIN.feature_names == (*STUDY.domain.feature_names, "learned")
 
 
