@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from study_core.evaluation.figures.style import FAINT, GREY, INK, PREDICTOR_COLOURS, finish, new_figure
 from study_core.evaluation.scores import CalibrationBin
 
+_COLUMNS = 4
+
 
 def draw(bins: Mapping[str, Sequence[CalibrationBin]]) -> Figure:
     """Returns one panel for each predictor; on the diagonal, confidence is deserved.
@@ -17,10 +19,15 @@ def draw(bins: Mapping[str, Sequence[CalibrationBin]]) -> Figure:
     Args:
         bins: By predictor: all people's predictions, binned by confidence.
     """
-    figure = new_figure(9.5, 2.2 * -(-len(bins) // 3) + 0.3)
-    panels = figure.subplots(-(-len(bins) // 3), 3, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes, (name, of_predictor) in zip(panels, bins.items(), strict=False):
+    n_rows = -(-len(bins) // _COLUMNS)
+    figure = new_figure(9.5, 2.4 * n_rows + 0.3)
+    panels = figure.subplots(n_rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    for place, (axes, (name, of_predictor)) in enumerate(zip(panels, bins.items(), strict=False)):
         _panel(axes, name, of_predictor)
+        is_lowest = place + _COLUMNS >= len(bins)
+        axes.tick_params(labelbottom=is_lowest)
+        axes.set_xlabel("confidence" if is_lowest else "")
+        axes.set_ylabel("" if place % _COLUMNS else "share right")
     for axes in panels[len(bins) :]:
         axes.set_visible(False)
     return figure
