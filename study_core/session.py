@@ -277,17 +277,20 @@ def known_comparisons(study: Study, state: SessionState) -> ComparisonSet:
 
 def test_comparisons(study: Study, state: SessionState) -> ComparisonSet:
     """Returns the answers to the common test queries that prefer one, in the features that the session ended with."""
-    domain = study.knowing(state.knowledge).rewards.domain
     answered = [
         (prepared.proposed.query, given.choice)
         for prepared, given in zip(state.prepared, state.answers, strict=False)
         if prepared.phase is Phase.TEST and given.choice.sign != 0.0
     ]
-    if not answered:
-        return ComparisonSet.empty(len(domain.feature_names))
+    comparisons = ComparisonSet.empty(len(study.domain.feature_names))
+    for query, choice in answered:
+        comparisons = comparisons.append(query, choice)
+    feature, domain = state.knowledge.feature, study.domain
+    if feature is None or not answered:
+        return comparisons
     sides = [[query.controls_a for query, _ in answered], [query.controls_b for query, _ in answered]]
-    features_a, features_b = (domain.features(domain.rollout(np.array(side))) for side in sides)
-    return ComparisonSet(features_a - features_b, np.array([choice.sign for _, choice in answered]))
+    of_a, of_b = (feature.of_trajectories(domain, domain.rollout(np.array(side))) for side in sides)
+    return ComparisonSet(np.column_stack([comparisons.feature_diffs, of_a - of_b]), comparisons.signs)
 
 
 def feature_due(study: Study, state: SessionState, query_index: int) -> int:

@@ -17,6 +17,7 @@ STUDIES = Path(__file__).parents[2] / "static" / "studies"
 
 SHIPPED = {
     "quickstart": (8, 4, ResponseModel("sigmoid", 200.0, 0.1), "sphere"),
+    "online": (60, 40, ResponseModel("sigmoid", "inferred", "inferred"), "sphere"),
     "katz2021": (100, 75, ResponseModel("sigmoid", 50.0, 0.0), "ball"),
     "katz2021-code": (100, 75, ResponseModel("clipped-linear", 1.0, 0.0), "ball"),
 }
@@ -64,6 +65,36 @@ def test_quickstart_asks_what_says_most_among_realistic_drives():
 def test_a_study_has_a_bank_if_its_method_or_its_search_needs_one(method, search, has_bank):
     study = parse_study(study_text(acquisition__method=method, trajectory__search=search))
     assert (study.bank is not None) == has_bank
+
+
+def test_the_online_study_learns_a_feature_and_the_others_know_their_files_alone():
+    studies = {name: read_study(STUDIES / f"{name}.toml").file.learning for name in SHIPPED}
+    every = {name: learning.feature_every for name, learning in studies.items()}
+    assert every == {"online": 20} | dict.fromkeys(("quickstart", "katz2021", "katz2021-code"))
+    assert not any(learning.people_before for learning in studies.values())
+
+
+LEARNING = {"prior__support": "sphere", "response__rationality": "inferred"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"learning__feature_every": 10, **LEARNING, "prior__support": "ball"}, "needs prior.support"),
+        ({"learning__people_before": True, "prior__support": "sphere"}, "needs prior.support"),
+        (
+            {"learning__people_before": True, "learning__feature_every": 10, **LEARNING},
+            "key 'learning': people_before and feature_every can't go together",
+        ),
+        ({"learning__feature_every": 9, **LEARNING}, "key 'learning.feature_every'"),
+        ({"learning__feature_evry": 20, **LEARNING}, "did you mean 'feature_every'"),
+    ],
+)
+def test_a_study_that_cant_learn_so_is_refused_in_a_line_without_the_whole_section(changes, message):
+    with pytest.raises(StudyError) as raised:
+        parse_study(study_text(**changes))
+    assert message in str(raised.value)
+    assert len(str(raised.value)) < 300
 
 
 def test_every_shipped_study_is_tested():
