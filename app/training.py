@@ -32,7 +32,7 @@ def train_personal_network(request: TrainingRequest) -> bytes:
 
 def fit_population(request: PopulationRequest) -> bytes:
     """Returns what people have in common, as JSON text."""
-    population = learn_population_prior(domain_named(request.domain_id), request.people)
+    population = learn_population_prior(request.people)
     assert population is not None, "nobody asks where nobody has answered"
     return json.dumps(session_codec.population_to_json(population)).encode()
 

@@ -7,7 +7,6 @@ import.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -63,11 +62,6 @@ def person(answers: ActiveAnswers, record: SessionRecord) -> Person:
     events = answers.active_events(record.id, study.protocol.active_queries)
     state = reduce(study, (session_codec.from_json(event.kind, event.payload) for event in events))
     return Person(record.id, study, state.participant, _training(answers, record, study, state))
-
-
-def people(answers: ActiveAnswers, records: Iterable[SessionRecord]) -> Mapping[str, Training]:
-    """Returns what each session taught, by session id, as `Predictor.fit` wants it."""
-    return {record.id: person(answers, record).training for record in records}
 
 
 def is_finished(answers: ActiveAnswers, record: SessionRecord) -> bool:

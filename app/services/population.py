@@ -18,12 +18,12 @@ from threading import Lock
 from typing import Any, Protocol
 
 from app.services.continuation import Computation, Engine
-from app.services.people import ActiveAnswers, is_finished, people, study_of
+from app.services.people import ActiveAnswers, is_finished, person, study_of
 from app.store.errors import SessionDeletedError
 from app.store.records import ModelRecord, SessionRecord, Source
 from study_core import session_codec
 from study_core.predictors.hand_coded_population import VERSION
-from study_core.predictors.predictor import Training
+from study_core.predictors.linear_people import ComparedFeatures
 from study_core.session import PopulationAdopted
 from study_core.study import Study
 
@@ -41,18 +41,18 @@ class PopulationRequest:
 
     Attributes:
         domain_id: Whose trajectories were compared.
-        people: What each person's active answers taught, by session id.
+        people: Each person's active answers in the domain's hand-coded features, by session id.
     """
 
     domain_id: str
-    people: Mapping[str, Training]
+    people: Mapping[str, ComparedFeatures]
 
     @cached_property
     def key(self) -> str:
         """Returns the name of the computation: equal requests are computed once, and none goes stale."""
         digest = hashlib.sha256(json.dumps([VERSION, self.domain_id, list(self.people)]).encode())
-        for training in self.people.values():
-            for values in (training.pairs.states_a, training.pairs.states_b, training.signs):
+        for compared in self.people.values():
+            for values in (compared.of_a, compared.of_b, compared.signs):
                 digest.update(values.tobytes())
         return f"{KIND}-{digest.hexdigest()}"
 
@@ -120,6 +120,7 @@ class PopulationTrainer:
         # Studies of which somebody has finished since they were last looked at, and those being learned; by name.
         self._wanted: dict[str, Study] = {}
         self._under_way: set[str] = set()
+        self._known_of: dict[str, dict[str, ComparedFeatures]] = {}
         self._background = ThreadPoolExecutor(1, thread_name_prefix="population")
 
     def close(self) -> None:
@@ -214,20 +215,29 @@ class PopulationTrainer:
 
     def _request(self, study: Study) -> PopulationRequest | None:
         """Returns what is to be computed for a study, if anything is."""
-        records = [
-            record
-            for record in self._store.sessions_of_study_named(study.name)
-            if self._counts(study, record)
-        ]
-        known = people(self._store, records)
-        if not any(len(training) for training in known.values()):
+        known = self._known(study)
+        if not any(len(compared) for compared in known.values()):
             return None
         request = PopulationRequest(study.domain.id, known)
         model = self._store.shared_model(study.name, KIND)
         return None if model is not None and model.key == request.key else request
 
+    def _known(self, study: Study) -> dict[str, ComparedFeatures]:
+        """Returns what everyone compared who has finished in the domain that the study has now.
+
+        Each is read once, since what somebody has finished never changes; whoever is deleted is forgotten.
+        """
+        before, known = self._known_of.get(study.name, {}), {}
+        for record in self._store.sessions_of_study_named(study.name):
+            if record.id in before:
+                known[record.id] = before[record.id]
+            elif self._counts(study, record):
+                learner = person(self._store, record)
+                known[record.id] = ComparedFeatures.of(study.domain.features, learner.training)
+        self._known_of[study.name] = known
+        return known
+
     def _counts(self, study: Study, record: SessionRecord) -> bool:
-        """Returns whether a session is somebody's who has finished, in the domain that the study has now."""
         if record.source is Source.REHEARSED or not is_finished(self._store, record):
             return False
         return study_of(self._store, record).domain.id == study.domain.id
@@ -249,5 +259,5 @@ def _lineage(request: PopulationRequest) -> dict[str, Any]:
         "sessions": list(request.people),
         "version": VERSION,
         "domain": request.domain_id,
-        "n_answers": sum(len(training) for training in request.people.values()),
+        "n_answers": sum(len(compared) for compared in request.people.values()),
     }

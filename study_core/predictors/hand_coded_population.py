@@ -16,7 +16,7 @@ from study_core.choice import PARAMETER_PRIORS
 from study_core.domain import Domain
 from study_core.posterior.population import PopulationPrior
 from study_core.predictors.hand_coded import PosteriorModel, learn_posterior
-from study_core.predictors.linear_people import learn_people
+from study_core.predictors.linear_people import ComparedFeatures, learn_weights
 from study_core.predictors.own_answers import OwnAnswers
 from study_core.predictors.predictor import Training
 from study_core.streams import stream
@@ -38,34 +38,31 @@ class HandCodedPopulation:
 
     def fit(self, seed: int, domain: Domain, people: Mapping[str, Training]) -> OwnAnswers:
         """Learns what people have in common, once without each of them, and draws each person's posterior."""
-        known = {name: self._without(seed, domain, people, name) for name in people}
-        learn = partial(learn_posterior, domain=domain, population=learn_population_prior(domain, people))
-        return OwnAnswers(self.name, learn, known)
+        compared = {name: ComparedFeatures.of(domain.features, training) for name, training in people.items()}
 
-    def _without(
-        self, seed: int, domain: Domain, people: Mapping[str, Training], name: str
-    ) -> PosteriorModel:
-        others = {other: training for other, training in people.items() if other != name}
-        population = learn_population_prior(domain, others)
-        return learn_posterior(stream(seed, self.name, "person", name), people[name], domain, population)
+        def without(name: str) -> PosteriorModel:
+            population = learn_population_prior({other: compared[other] for other in people if other != name})
+            return learn_posterior(stream(seed, self.name, "person", name), people[name], domain, population)
+
+        learn = partial(learn_posterior, domain=domain, population=learn_population_prior(compared))
+        return OwnAnswers(self.name, learn, {name: without(name) for name in people})
 
 
-def learn_population_prior(domain: Domain, people: Mapping[str, Training]) -> PopulationPrior | None:
+def learn_population_prior(people: Mapping[str, ComparedFeatures]) -> PopulationPrior | None:
     """Returns what these people say about the utilities of the next; None where nobody has preferred anything.
 
     A feature that was the same in all that was compared has taught nothing. Its utility has mean 0 and the variance of
     the uniform prior at the rationality that is usual there, and goes with no other's.
 
     Args:
-        domain: Gives the hand-coded features.
-        people: Active answers by person; their order doesn't matter.
+        people: Active answers in the hand-coded features, by person; their order doesn't matter.
     """
-    if not any(len(training) for training in people.values()):
+    if not any(len(compared) for compared in people.values()):
         return None
-    fitted = learn_people(domain.features, people)
-    shared, scales = fitted.population.shared, fitted.embedding.inverse_scales
+    learned = learn_weights(people)
+    shared, scales = learned.population.shared, learned.inverse_scales
     n_features = len(scales)
-    covariance = shared.covariance + fitted.population.personal_scale**2 * np.eye(n_features)
+    covariance = shared.covariance + learned.population.personal_scale**2 * np.eye(n_features)
     covariance *= np.outer(scales, scales)
     unknown = np.flatnonzero(scales == 0.0)
     covariance[unknown, unknown] = PARAMETER_PRIORS["rationality"].value(np.zeros(1))[0] ** 2 / n_features

@@ -45,6 +45,45 @@ class Embedding:
 
 
 @dataclass(frozen=True)
+class ComparedFeatures:
+    """One person's active answers, as far as features of the trajectories tell them.
+
+    Attributes:
+        of_a: Features of each pair's trajectory A, unscaled, shape `(n, k)`.
+        of_b: The same of B.
+        signs: +1 where A was preferred, -1 where B was, shape `(n,)`.
+    """
+
+    of_a: Float[np.ndarray, "n k"]
+    of_b: Float[np.ndarray, "n k"]
+    signs: Float[np.ndarray, " n"]
+
+    def __len__(self) -> int:
+        return len(self.signs)
+
+    @classmethod
+    def of(cls, features: Features, training: Training) -> ComparedFeatures:
+        """Returns a person's answers in some features."""
+        pairs = training.pairs
+        return cls(features(pairs.states_a), features(pairs.states_b), training.signs)
+
+
+@dataclass(frozen=True)
+class LearnedWeights:
+    """What people's answers in some features say of their weights.
+
+    Attributes:
+        inverse_scales: See `Embedding`.
+        population: What people have in common, in standardised features.
+        people: Posterior of each person's own weights, by name.
+    """
+
+    inverse_scales: Float[np.ndarray, " k"]
+    population: Population
+    people: Mapping[str, Gaussian]
+
+
+@dataclass(frozen=True)
 class LinearPerson:
     """What is known of one person; a `PersonModel`.
 
@@ -95,17 +134,34 @@ def learn_people(features: Features, people: Mapping[str, Training]) -> LinearPe
     Raises:
         TooFewAnswersError: Nobody has given an answer.
     """
-    trainings = {name: people[name] for name in sorted(people)}
-    values = features(states_compared(list(trainings.values())))
-    embedding = Embedding(features, inverse_scales(values))
-    population, beliefs = learn_population(
-        [embedding.signed_diffs(training) for training in trainings.values()]
-    )
+    learned = learn_weights({name: ComparedFeatures.of(features, people[name]) for name in people})
+    embedding = Embedding(features, learned.inverse_scales)
     known = {
-        name: LinearPerson(embedding, weights, population.lapse_logit)
-        for name, weights in zip(trainings, beliefs, strict=True)
+        name: LinearPerson(embedding, weights, learned.population.lapse_logit)
+        for name, weights in learned.people.items()
     }
-    return LinearPeople(embedding, population, known)
+    return LinearPeople(embedding, learned.population, known)
+
+
+def learn_weights(people: Mapping[str, ComparedFeatures]) -> LearnedWeights:
+    """Learns from everyone's answers in some features; the same bits whatever the order of the people.
+
+    Args:
+        people: Answers by person; somebody may have given none.
+
+    Raises:
+        TooFewAnswersError: Nobody has given an answer.
+    """
+    names = sorted(people)
+    compared = [people[name] for name in names]
+    _require_answers(compared)
+    scales = inverse_scales(
+        np.concatenate([*(one.of_a for one in compared), *(one.of_b for one in compared)])
+    )
+    population, beliefs = learn_population(
+        [one.signs[:, None] * (one.of_a - one.of_b) * scales for one in compared]
+    )
+    return LearnedWeights(scales, population, dict(zip(names, beliefs, strict=True)))
 
 
 def states_compared(trainings: Sequence[Training]) -> Float[np.ndarray, "n n_steps n_states"]:
@@ -114,10 +170,14 @@ def states_compared(trainings: Sequence[Training]) -> Float[np.ndarray, "n n_ste
     Raises:
         TooFewAnswersError: Nobody has given an answer.
     """
-    if not any(len(training) for training in trainings):
-        raise TooFewAnswersError("Expected an answer of at least one person, got none. Ask somebody first.")
+    _require_answers(trainings)
     pairs = [training.pairs for training in trainings]
     return np.concatenate([*(pair.states_a for pair in pairs), *(pair.states_b for pair in pairs)])
+
+
+def _require_answers(people: Sequence[Training] | Sequence[ComparedFeatures]) -> None:
+    if not any(len(person) for person in people):
+        raise TooFewAnswersError("Expected an answer of at least one person, got none. Ask somebody first.")
 
 
 def inverse_scales(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " k"]:

@@ -18,7 +18,7 @@ from app.cli import cli
 from app.engine.on_demand import InlineEngine
 from app.services import study as services
 from app.services.export import export
-from app.services.people import people
+from app.services.people import person
 from app.services.population import KIND, PopulationRequest, PopulationTrainer, adopted
 from app.services.replay import ReplayDifferenceError, Script, read_scripts, replay
 from app.services.runtime import Runtime
@@ -110,7 +110,7 @@ def test_the_next_person_starts_from_everyone_who_has_finished(runtime: Runtime)
     kinds = [event.kind for event in runtime.store.events(third)]
     assert kinds == ["session_begun", "population_adopted", "query_prepared"]
     # The prior of somebody new, in the features' own units, as the hierarchy states it.
-    known = people(runtime.store, [runtime.store.session(one) for one in (first, second)])
+    known = {one: person(runtime.store, runtime.store.session(one)).training for one in (first, second)}
     fitted = learn_people(STUDY.domain.features, known)
     scales = np.diag(fitted.embedding.inverse_scales)
     spread = fitted.population.shared.covariance + fitted.population.personal_scale**2 * np.eye(4)

@@ -20,6 +20,7 @@ from study_core.knowledge import Knowledge
 from study_core.networks.checkpoint import from_bytes
 from study_core.online.learn import learn_feature
 from study_core.predictors.hand_coded_population import learn_population_prior
+from study_core.predictors.linear_people import ComparedFeatures
 from study_core.predictors.personal_network import PersonalNetwork, model_of
 from study_core.queries import infer_posterior
 from study_core.session import FeatureLearned, PopulationAdopted, compared, reduce
@@ -131,7 +132,9 @@ def test_the_next_person_starts_from_whoever_has_finished(tmp_path: Path) -> Non
     adopted = events[1]
     assert isinstance(adopted, PopulationAdopted)
     assert adopted.learned_from == (first.id,)
-    expected = learn_population_prior(known.study.domain, {first.id: known.training})
+    expected = learn_population_prior(
+        {first.id: ComparedFeatures.of(known.study.domain.features, known.training)}
+    )
     assert adopted.population is not None
     assert expected is not None
     np.testing.assert_array_equal(adopted.population.mean, expected.mean)

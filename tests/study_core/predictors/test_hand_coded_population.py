@@ -5,6 +5,7 @@ import pytest
 
 from study_core.predictors.hand_coded import learn_posterior
 from study_core.predictors.hand_coded_population import HandCodedPopulation, learn_population_prior
+from study_core.predictors.linear_people import ComparedFeatures
 from study_core.predictors.predictor import Pairs, Training
 from study_core.streams import stream
 from study_core.study import parse_study
@@ -29,9 +30,13 @@ TASTES = {name: np.array([2.0, 4.0, 12.0, 6.0]) * (0.8 + 0.1 * k) for k, name in
 PEOPLE = {name: person(taste, k) for k, (name, taste) in enumerate(TASTES.items())}
 
 
+def in_features(people):
+    return {name: ComparedFeatures.of(DOMAIN.features, training) for name, training in people.items()}
+
+
 def test_the_prior_is_around_what_people_have_in_common():
     many = {str(k): person(TASTES["b"], 100 + k, n=100) for k in range(12)}
-    prior = learn_population_prior(DOMAIN, many)
+    prior = learn_population_prior(in_features(many))
     apart = prior.mean - TASTES["b"]
     assert np.sqrt(apart @ prior.precision @ apart) < 4.0
     assert prior.mean @ TASTES["b"] / np.linalg.norm(prior.mean) / np.linalg.norm(TASTES["b"]) > 0.95
@@ -39,23 +44,23 @@ def test_the_prior_is_around_what_people_have_in_common():
 
 
 def test_it_is_in_the_features_own_units_whatever_unit_the_people_compared_in():
-    prior = learn_population_prior(DOMAIN, PEOPLE)
-    backwards = learn_population_prior(DOMAIN, dict(reversed(PEOPLE.items())))
+    prior = learn_population_prior(in_features(PEOPLE))
+    backwards = learn_population_prior(in_features(dict(reversed(PEOPLE.items()))))
     np.testing.assert_array_equal(prior.mean, backwards.mean)
     np.testing.assert_array_equal(prior.covariance, backwards.covariance)
 
 
 def test_nobody_says_nothing():
     nothing = Training(PEOPLE["a"].pairs[:0], np.empty(0))
-    assert learn_population_prior(DOMAIN, {}) is None
-    assert learn_population_prior(DOMAIN, {"a": nothing}) is None
+    assert learn_population_prior({}) is None
+    assert learn_population_prior(in_features({"a": nothing})) is None
 
 
 def test_a_feature_that_never_varied_has_a_wide_prior_of_its_own():
     states = PEOPLE["a"].pairs.states_a.copy()
     states[..., 2] = 0.7
     still = Training(Pairs(states, states[::-1]), PEOPLE["a"].signs)
-    prior = learn_population_prior(DOMAIN, {"a": still})
+    prior = learn_population_prior(in_features({"a": still}))
     heading = DOMAIN.feature_names.index("heading")
     others = np.delete(np.arange(4), heading)
     assert prior.mean[heading] == 0.0
@@ -67,7 +72,7 @@ def test_everybody_starts_from_the_others_alone():
     fitted = HandCodedPopulation().fit(3, DOMAIN, PEOPLE)
     others = {name: training for name, training in PEOPLE.items() if name != "c"}
     rng = stream(3, "hand-coded-population", "person", "c")
-    expected = learn_posterior(rng, PEOPLE["c"], DOMAIN, learn_population_prior(DOMAIN, others))
+    expected = learn_posterior(rng, PEOPLE["c"], DOMAIN, learn_population_prior(in_features(others)))
     np.testing.assert_array_equal(fitted.people["c"].posterior.samples, expected.posterior.samples)
 
 
