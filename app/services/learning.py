@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from app.services.computations import has_succeeded
 from app.services.continuation import Computation, FeatureRequest
 from app.services.runtime import LiveSession, Runtime
 from study_core.online.schedule import LEAD
@@ -32,7 +33,7 @@ def feature_before(
     n_queries = feature_due(live.study, state, query_index)
     if not n_queries:
         return None
-    if live.learning is None or live.learning[0] != n_queries:
+    if not _is_under_way(live, n_queries):
         assert state.participant is not None, "a session with answers has begun"
         request = FeatureRequest(
             live.study.text, state.participant, n_queries + LEAD, n_queries, compared(state, n_queries)
@@ -41,4 +42,13 @@ def feature_before(
             n_queries,
             runtime.engine.submit(request.key, runtime.learn_fn, request, _URGENCY, resource="training"),
         )
+    assert live.learning is not None, "it has just been begun, or was before"
     return live.learning[1]
+
+
+def _is_under_way(live: LiveSession, n_queries: int) -> bool:
+    """Returns whether a feature is being learned or has been; one that could not be is learned again."""
+    if live.learning is None or live.learning[0] != n_queries:
+        return False
+    computation = live.learning[1]
+    return not computation.done() or has_succeeded(computation)

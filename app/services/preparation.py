@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.services import learning
-from app.services.chained import then
+from app.services.computations import has_succeeded, then
 from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PopulationWithdrawnError, PositionTakenError, PosteriorRecord, SessionDeletedError
@@ -51,8 +51,10 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
         return
     learning.begin_early(runtime, live)
     feature = learning.feature_before(runtime, live, live.state, following)
-    if feature is not None and not feature.done():
-        feature.add_done_callback(lambda _: runtime.hand_over(_look_ahead_from, runtime, live, current))
+    if feature is not None and not has_succeeded(feature):
+        # One that has failed is learned again for whoever waits for it.
+        if not feature.done():
+            feature.add_done_callback(lambda _: runtime.hand_over(_look_ahead_from, runtime, live, current))
         return
     learned = None if feature is None else feature.result()
     requests = {
@@ -150,17 +152,6 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
     announce(runtime, live, continuation)
 
 
-def has_succeeded(computation: Computation) -> bool:
-    """Returns whether a result is there; a failed computation is left to the delivery, which reports it."""
-    if not computation.done():
-        return False
-    try:
-        computation.result()
-    except Exception:  # noqa: BLE001 - whatever it was, the answer must be taken first
-        return False
-    return True
-
-
 def entry(continuation: Continuation) -> tuple[list[Event], PosteriorRecord | None]:
     """Returns what a continuation adds to the log, and the posterior that is stored with it."""
     prepared, posterior = continuation.prepared, continuation.posterior
@@ -221,7 +212,9 @@ def _begin(runtime: Runtime, live: LiveSession, state: SessionState) -> Computat
     feature = learning.feature_before(runtime, live, state, index)
     if feature is None:
         return begin_with(None)
-    return begin_with(feature.result()) if feature.done() else then(runtime.hand_over, feature, begin_with)
+    if has_succeeded(feature):
+        return begin_with(feature.result())
+    return then(runtime.hand_over, feature, begin_with)
 
 
 def _request(

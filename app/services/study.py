@@ -10,6 +10,7 @@ from typing import Any
 
 from app.errors import AppError
 from app.services import population, preparation
+from app.services.computations import has_succeeded
 from app.services.continuation import Computation, Continuation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
@@ -239,7 +240,7 @@ def _take(
         runtime.append(live, [given], report=report)
         return None, None
     computation = preparation.continuation_after(runtime, live, given.choice, after)
-    if not preparation.has_succeeded(computation):
+    if not has_succeeded(computation):
         runtime.append(live, [given], report=report)
         return None, computation
     continuation: Continuation = computation.result()

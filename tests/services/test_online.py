@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +11,13 @@ import pytest
 
 from app import wiring
 from app.services import study as services
+from app.services.continuation import FeatureRequest
 from app.services.export import export
 from app.services.learning import feature_before
 from app.services.rehearsal import Crowd, Rehearsal, rehearse
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.services.runtime import Runtime
+from app.services.study import Outcome
 from app.services.walk import walk
 from app.settings import find_study
 from study_core.comparison import Choice
@@ -139,3 +142,29 @@ def test_a_session_read_again_goes_on_with_what_it_had_learned(tmp_path: Path) -
         assert runtime.live(record.id).state.knowledge == before
         stored = [from_json(event.kind, event.payload) for event in runtime.store.events(record.id)]
     assert sum(isinstance(event, FeatureLearned) for event in stored) == 1
+
+
+def test_a_feature_that_cannot_be_learned_loses_no_answer_and_is_learned_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with wiring.headless(f"sqlite:///{tmp_path / 'fails.db'}") as runtime:
+        learn, n_failures = runtime.learn_fn, 0
+
+        def fail_at_first(request: FeatureRequest) -> FeatureLearned:
+            nonlocal n_failures
+            n_failures += 1
+            if n_failures < 4:
+                raise MemoryError
+            return learn(request)
+
+        monkeypatch.setattr(runtime, "learn_fn", fail_at_first)
+        _, record = services.join(runtime, STUDY, rehearsal="unlucky")
+        for index in range(22):
+            while services.screen(runtime, record.id).kind == "preparing":
+                time.sleep(0.05)
+            receipt = services.answer(runtime, record.id, index, "ab"[index % 2], 900)
+            assert receipt.outcome is Outcome.TAKEN
+        assert services.screen(runtime, record.id).kind == "finished"
+        learned = [event for event in runtime.events(record.id) if isinstance(event, FeatureLearned)]
+    assert n_failures == 4
+    assert [event.query_index for event in learned] == [20]

@@ -1,4 +1,4 @@
-"""A computation that begins when another is done, with its result."""
+"""What can be done with computations wherever they run: seeing whether they have succeeded, and chaining them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,17 @@ from app.services.continuation import Computation
 
 HandOver = Callable[..., None]
 """Runs a function with its arguments soon, in another thread; not at all when the process is ending."""
+
+
+def has_succeeded(computation: Computation) -> bool:
+    """Returns whether a result is there; a failed computation is left to the delivery, which reports it."""
+    if not computation.done():
+        return False
+    try:
+        computation.result()
+    except Exception:  # noqa: BLE001 - whatever it was, the answer must be taken first
+        return False
+    return True
 
 
 def then(hand_over: HandOver, first: Computation, begin: Callable[[Any], Computation]) -> Computation:
