@@ -200,9 +200,9 @@ def export(
 ) -> None:
     """Write people, queries, answers, posteriors and events as tidy tables, with the study files."""
     from app.services.export import export as export_tables
-    from app.store import open_store
+    from app.store import open_existing_store
 
-    with open_store(database) as store, new_progress() as progress:
+    with open_existing_store(database) as store, new_progress() as progress:
         task = progress.add_task("people", total=None)
         n_people = export_tables(store, out, format_, people, lambda: progress.advance(task))
     console.print(f"Wrote {n_people} people to {out}.")
@@ -260,7 +260,7 @@ def train(
     `serve` does the same by itself whenever somebody finishes.
     """
     from app import wiring
-    from app.store import open_store
+    from app.store import open_existing_store
 
     log.configure("WARNING")
     with wiring.training(database, workers or n_cores(), scheduler) as trainer, new_progress() as progress:
@@ -270,7 +270,7 @@ def train(
     whom = f" of {study}" if study else ""
     done = f"Trained the models of {len(missing)} people{whom}."
     print(done if missing else f"Nobody{whom} with enough answers lacks a model.")
-    with open_store(database) as store:
+    with open_existing_store(database) as store:
         _learn_populations(store, study)
 
 
@@ -304,10 +304,10 @@ def evaluate(
     """Compare predictors of people's answers: fitted to active answers, scored on the common test answers."""
     from app.report import findings, table
     from app.services.evaluation import people_to_evaluate
-    from app.store import open_store
+    from app.store import open_existing_store
 
     log.configure("WARNING")
-    with open_store(database) as store:
+    with open_existing_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
     with new_progress() as progress:
@@ -343,10 +343,10 @@ def report(
     from app.report import findings
     from app.report.report import new_file, write
     from app.services.evaluation import people_to_evaluate
-    from app.store import open_store
+    from app.store import open_existing_store
 
     log.configure("WARNING")
-    with open_store(database) as store:
+    with open_existing_store(database) as store:
         evaluated = people_to_evaluate(store, study)
     _warn(evaluated.left_out)
     with new_file(out) as file, new_progress() as progress:
@@ -371,9 +371,9 @@ def delete(
     What the others have in common is learned again. Their id and the time of deletion stay.
     Copies that `migrate` or you have made are not touched.
     """
-    from app.store import open_store
+    from app.store import open_existing_store
 
-    with open_store(database) as store:
+    with open_existing_store(database) as store:
         record = store.session(person_id)
         name = store.study_name(record.study_hash)
         who = f"{record.source} person {record.ordinal} of {name} ({store.n_answers(person_id)} answers)"

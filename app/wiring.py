@@ -29,7 +29,7 @@ from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
 from app.stage.stage import Picture
-from app.store import Store, open_store, serve_lock
+from app.store import Store, open_existing_store, open_store, serve_lock
 from app.training import PERSONAL_NETWORK, fit_population
 from app.web.changes import Changes
 from app.web.site import SiteParts, create_site
@@ -174,7 +174,7 @@ def training(database: str, n_workers: int, scheduler: str | None = None) -> Ite
         EngineError: The engine doesn't start.
     """
     with ExitStack() as stack:
-        store = stack.enter_context(open_store(database))
+        store = stack.enter_context(open_existing_store(database))
         engine: Engine = InlineEngine()
         if n_workers > 1 or scheduler is not None:
             engine = own = DaskEngine(0, scheduler, n_training_workers=n_workers)

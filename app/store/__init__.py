@@ -17,7 +17,7 @@ from app.store.records import (
     SessionRecord,
     Source,
 )
-from app.store.store import Store, open_store
+from app.store.store import Store, open_existing_store, open_store
 
 __all__ = [
     "Deletion",
@@ -35,6 +35,7 @@ __all__ = [
     "Source",
     "Store",
     "StoreError",
+    "open_existing_store",
     "open_store",
     "serve_lock",
 ]

@@ -9,6 +9,7 @@ from typing import Self
 
 from app.store import artifacts, deletion, events, learned, measures, posteriors, sessions, studies
 from app.store.engine import Database, parse_url
+from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
 from app.store.records import (
     Deletion,
@@ -22,6 +23,7 @@ from app.store.records import (
     SessionRecord,
     Source,
 )
+from app.store.sqlite import database_path, is_sqlite
 
 
 def open_store(url: str) -> Store:
@@ -39,6 +41,26 @@ def open_store(url: str) -> Store:
     parsed = parse_url(url)
     ensure_schema(parsed)
     return Store(Database(parsed), head_version())
+
+
+def open_existing_store(url: str) -> Store:
+    """Opens a database that is there: a mistyped name makes no new one.
+
+    Args:
+        url: The database's URL.
+
+    Returns:
+        The store; see `open_store`.
+
+    Raises:
+        StoreError: When there is none, and as `open_store` does.
+    """
+    parsed = parse_url(url)
+    if is_sqlite(parsed) and not database_path(parsed).exists():
+        raise StoreError(
+            f"Expected a database at '{url}', found none. Name the one that your people are in, with --database."
+        )
+    return open_store(url)
 
 
 class Store:

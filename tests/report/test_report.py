@@ -11,6 +11,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from app.cli import cli
+from app.store import open_store
 from study_core.predictors.registry import all_predictors
 from tests.support.published import write_person
 
@@ -80,6 +81,7 @@ def test_a_report_shows_every_figure_and_overwrites_nothing(database: str, tmp_p
 
 def test_a_report_of_nobody_leaves_no_file(tmp_path: Path) -> None:
     out, url = tmp_path / "report.html", f"sqlite:///{tmp_path / 'empty.db'}"
+    open_store(url).close()
     done = CliRunner().invoke(cli, ["report", str(out), "--database", url])
     assert "Import or finish some sessions first" in str(done.exception)
     assert not out.exists()

@@ -29,7 +29,9 @@ def few(tmp_path: Path) -> str:
 
 @pytest.fixture
 def empty(tmp_path: Path) -> str:
-    return f"sqlite:///{tmp_path / 'empty.db'}"
+    url = f"sqlite:///{tmp_path / 'empty.db'}"
+    open_store(url).close()
+    return url
 
 
 @pytest.mark.parametrize(
@@ -65,3 +67,14 @@ def test_nobody_to_train_on_is_no_failure_because_nothing_is_missing(
 def test_a_single_person_cannot_be_taken_for_new(tmp_path: Path) -> None:
     url = database_of_one_person(tmp_path, n_active=10)
     assert_one_line_with(run("evaluate", "--new-person", "--database", url), "at least 2 people")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["evaluate"], ["report", "out.html"], ["train"], ["export", "out"], ["delete", "one", "--yes"]],
+)
+def test_a_mistyped_database_is_named_and_not_made(command: list[str], tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'mistyped.db'}"
+    done = run(*command, "--database", url)
+    assert_one_line_with(done, "found none. Name the one that your people are in, with --database")
+    assert list(tmp_path.iterdir()) == []
