@@ -1,8 +1,12 @@
 """The hand-coded features, each person's own way of answering, and what the people before care for.
 
 What people have in common is learned by the hierarchical model (`study_core.predictors.hierarchy`) over the hand-coded
-features, which says of somebody new that w_std ~ N(mean of w_0, its covariance + s_1^2 I), in standardised features. In
-the features' own units that is a normal distribution of u = beta w, where a session's posterior may start.
+features, which says of somebody new that u ~ N(mean of w_0, its covariance + s_1^2 I). That is a normal distribution of
+u = beta w, where a session's posterior may start.
+
+The features keep their own units, and u that of the study's own prior: beta / sqrt(d), beta being its usual value. Both
+scales are expected to be 1 in it. So people before who have said little leave a prior as wide as the one that they
+replace. (In units of what people compared, questions that were hard to answer would make everybody look indifferent.)
 """
 
 from __future__ import annotations
@@ -16,12 +20,13 @@ from study_core.choice import PARAMETER_PRIORS
 from study_core.domain import Domain
 from study_core.posterior.population import PopulationPrior
 from study_core.predictors.hand_coded import PosteriorModel, learn_posterior
-from study_core.predictors.linear_people import ComparedFeatures, learn_weights
+from study_core.predictors.hierarchy import learn_population
+from study_core.predictors.linear_people import ComparedFeatures
 from study_core.predictors.own_answers import OwnAnswers
 from study_core.predictors.predictor import Training
 from study_core.streams import stream
 
-VERSION = "hand-coded-hierarchy-1"
+VERSION = "hand-coded-hierarchy-2"
 
 
 class HandCodedPopulation:
@@ -51,19 +56,14 @@ class HandCodedPopulation:
 def learn_population_prior(people: Mapping[str, ComparedFeatures]) -> PopulationPrior | None:
     """Returns what these people say about the utilities of the next; None where nobody has preferred anything.
 
-    A feature that was the same in all that was compared has taught nothing. Its utility has mean 0 and the variance of
-    the uniform prior at the rationality that is usual there, and goes with no other's.
-
     Args:
         people: Active answers in the hand-coded features, by person; their order doesn't matter.
     """
     if not any(len(compared) for compared in people.values()):
         return None
-    learned = learn_weights(people)
-    shared, scales = learned.population.shared, learned.inverse_scales
-    n_features = len(scales)
-    covariance = shared.covariance + learned.population.personal_scale**2 * np.eye(n_features)
-    covariance *= np.outer(scales, scales)
-    unknown = np.flatnonzero(scales == 0.0)
-    covariance[unknown, unknown] = PARAMETER_PRIORS["rationality"].value(np.zeros(1))[0] ** 2 / n_features
-    return PopulationPrior(shared.mean * scales, covariance)
+    compared = [people[name] for name in sorted(people)]
+    n_features = compared[0].of_a.shape[1]
+    unit = float(PARAMETER_PRIORS["rationality"].value(np.zeros(1))[0]) / np.sqrt(n_features)
+    population, _ = learn_population([unit * one.signed_diffs for one in compared], (0.0, 0.0))
+    covariance = population.shared.covariance + population.personal_scale**2 * np.eye(n_features)
+    return PopulationPrior(unit * population.shared.mean, unit**2 * covariance)

@@ -27,8 +27,11 @@ from study_core.predictors.laplace import (
     sums_over_answers,
 )
 
-# Means of the three hyperparameters' normal priors, all of standard deviation 1: log s_0, log s_1, logit(lapse).
-_EXPECTED = np.array([np.log(0.3), np.log(0.15), -3.0])
+STANDARDISED = (float(np.log(0.3)), float(np.log(0.15)))
+"""Prior means of log s_0 and log s_1 for many features, each in units of its standard deviation."""
+
+# Of the lapse rate; each of the three hyperparameters has a normal prior of standard deviation 1.
+_EXPECTED_LAPSE_LOGIT = -3.0
 # Hyperparameters are good when the log evidence has a smaller slope than this in each.
 _FLAT = 1e-3
 # Standard deviations from the prior mean beyond which nothing is looked for.
@@ -57,33 +60,35 @@ class Population:
 
 
 def learn_population(
-    signed_diffs: Sequence[Float[np.ndarray, "_ k"]],
+    signed_diffs: Sequence[Float[np.ndarray, "_ k"]], expected_log_scales: tuple[float, float] = STANDARDISED
 ) -> tuple[Population, tuple[Gaussian, ...]]:
     """Learns from everybody's answers at once.
 
     Args:
         signed_diffs: For each person, features of what they preferred less those of the other, shape `(n, k)`; features
             that vary by about 1.
+        expected_log_scales: Prior means of log s_0 and log s_1.
 
     Returns:
         What is common to all, and the posterior of each person's own weights.
     """
     padded = _padded(signed_diffs)
+    expected = np.array([*expected_log_scales, _EXPECTED_LAPSE_LOGIT])
     start = None
 
     def cost(hyperparameters: Float[np.ndarray, " 3"]) -> tuple[float, Float[np.ndarray, " 3"]]:
         nonlocal start
         value, gradient, posterior = log_evidence(hyperparameters, padded, start)
         start = posterior.mode
-        offset = hyperparameters - _EXPECTED
+        offset = hyperparameters - expected
         return offset @ offset / 2 - value, offset - gradient
 
     found = minimize(
         cost,
-        _EXPECTED,
+        expected,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(mean - _FARTHEST, mean + _FARTHEST) for mean in _EXPECTED],
+        bounds=[(mean - _FARTHEST, mean + _FARTHEST) for mean in expected],
         options={"gtol": _FLAT},
     )
     value, _, posterior = log_evidence(found.x, padded, start)

@@ -61,26 +61,16 @@ class ComparedFeatures:
     def __len__(self) -> int:
         return len(self.signs)
 
+    @property
+    def signed_diffs(self) -> Float[np.ndarray, "n k"]:
+        """Returns the features of what was preferred less those of the other, unscaled, shape `(n, k)`."""
+        return self.signs[:, None] * (self.of_a - self.of_b)
+
     @classmethod
     def of(cls, features: Features, training: Training) -> ComparedFeatures:
         """Returns a person's answers in some features."""
         pairs = training.pairs
         return cls(features(pairs.states_a), features(pairs.states_b), training.signs)
-
-
-@dataclass(frozen=True)
-class LearnedWeights:
-    """What people's answers in some features say of their weights.
-
-    Attributes:
-        inverse_scales: See `Embedding`.
-        population: What people have in common, in standardised features.
-        people: Posterior of each person's own weights, by name.
-    """
-
-    inverse_scales: Float[np.ndarray, " k"]
-    population: Population
-    people: Mapping[str, Gaussian]
 
 
 @dataclass(frozen=True)
@@ -134,34 +124,19 @@ def learn_people(features: Features, people: Mapping[str, Training]) -> LinearPe
     Raises:
         TooFewAnswersError: Nobody has given an answer.
     """
-    learned = learn_weights({name: ComparedFeatures.of(features, people[name]) for name in people})
-    embedding = Embedding(features, learned.inverse_scales)
-    known = {
-        name: LinearPerson(embedding, weights, learned.population.lapse_logit)
-        for name, weights in learned.people.items()
-    }
-    return LinearPeople(embedding, learned.population, known)
-
-
-def learn_weights(people: Mapping[str, ComparedFeatures]) -> LearnedWeights:
-    """Learns from everyone's answers in some features; the same bits whatever the order of the people.
-
-    Args:
-        people: Answers by person; somebody may have given none.
-
-    Raises:
-        TooFewAnswersError: Nobody has given an answer.
-    """
     names = sorted(people)
-    compared = [people[name] for name in names]
-    _require_answers(compared)
+    compared = [ComparedFeatures.of(features, people[name]) for name in names]
+    require_answers(compared)
     scales = inverse_scales(
         np.concatenate([*(one.of_a for one in compared), *(one.of_b for one in compared)])
     )
-    population, beliefs = learn_population(
-        [one.signs[:, None] * (one.of_a - one.of_b) * scales for one in compared]
-    )
-    return LearnedWeights(scales, population, dict(zip(names, beliefs, strict=True)))
+    population, beliefs = learn_population([one.signed_diffs * scales for one in compared])
+    embedding = Embedding(features, scales)
+    known = {
+        name: LinearPerson(embedding, weights, population.lapse_logit)
+        for name, weights in zip(names, beliefs, strict=True)
+    }
+    return LinearPeople(embedding, population, known)
 
 
 def states_compared(trainings: Sequence[Training]) -> Float[np.ndarray, "n n_steps n_states"]:
@@ -170,12 +145,17 @@ def states_compared(trainings: Sequence[Training]) -> Float[np.ndarray, "n n_ste
     Raises:
         TooFewAnswersError: Nobody has given an answer.
     """
-    _require_answers(trainings)
+    require_answers(trainings)
     pairs = [training.pairs for training in trainings]
     return np.concatenate([*(pair.states_a for pair in pairs), *(pair.states_b for pair in pairs)])
 
 
-def _require_answers(people: Sequence[Training] | Sequence[ComparedFeatures]) -> None:
+def require_answers(people: Sequence[Training] | Sequence[ComparedFeatures]) -> None:
+    """Checks that somebody has given an answer.
+
+    Raises:
+        TooFewAnswersError: Nobody has.
+    """
     if not any(len(person) for person in people):
         raise TooFewAnswersError("Expected an answer of at least one person, got none. Ask somebody first.")
 

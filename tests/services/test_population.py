@@ -27,7 +27,8 @@ from app.store import Store, open_store
 from app.training import fit_population
 from study_core import session_codec
 from study_core.errors import ScriptError
-from study_core.predictors.linear_people import learn_people
+from study_core.predictors.hand_coded_population import learn_population_prior
+from study_core.predictors.linear_people import ComparedFeatures
 from study_core.queries import infer_posterior
 from study_core.session import PopulationAdopted
 from study_core.study import Study, parse_study
@@ -109,17 +110,13 @@ def test_the_next_person_starts_from_everyone_who_has_finished(runtime: Runtime)
     assert (stored["key"], stored["learned_from"]) == (found.key, list(found.learned_from))
     kinds = [event.kind for event in runtime.store.events(third)]
     assert kinds == ["session_begun", "population_adopted", "query_prepared"]
-    # The prior of somebody new, in the features' own units, as the hierarchy states it.
     known = {one: person(runtime.store, runtime.store.session(one)).training for one in (first, second)}
-    fitted = learn_people(STUDY.domain.features, known)
-    scales = np.diag(fitted.embedding.inverse_scales)
-    spread = fitted.population.shared.covariance + fitted.population.personal_scale**2 * np.eye(4)
-    varies = np.diag(scales) > 0
+    features = STUDY.domain.features
+    expected = learn_population_prior({one: ComparedFeatures.of(features, known[one]) for one in known})
     assert found.population is not None
-    np.testing.assert_allclose(found.population.mean, scales @ fitted.population.shared.mean, rtol=1e-12)
-    expected = (scales @ spread @ scales)[varies][:, varies]
-    np.testing.assert_allclose(found.population.covariance[varies][:, varies], expected, rtol=1e-12)
-    assert np.linalg.eigvalsh(found.population.covariance).min() > 0.0
+    assert expected is not None
+    np.testing.assert_array_equal(found.population.mean, expected.mean)
+    np.testing.assert_array_equal(found.population.covariance, expected.covariance)
 
 
 def test_what_was_learned_moves_the_first_posterior(runtime: Runtime) -> None:
