@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 import app.process  # noqa: F401  - before numpy
 from app import log
@@ -371,12 +371,15 @@ def delete(
     What the others have in common is learned again. Their id and the time of deletion stay.
     Copies that `migrate` or you have made are not touched.
     """
+    from app.services.evaluation import number
+    from app.services.people import person
     from app.store import open_existing_store
 
     with open_existing_store(database) as store:
         record = store.session(person_id)
         name = store.study_name(record.study_hash)
-        who = f"{record.source} person {record.ordinal} of {name} ({store.n_answers(person_id)} answers)"
+        its_number = number(person(store, record))
+        who = f"{record.source} person {its_number} of {name} ({store.n_answers(person_id)} answers)"
         if not yes:
             typer.confirm(f"Delete {who} for good?", abort=True, err=True)
         done = store.delete_session(person_id)
@@ -411,7 +414,7 @@ def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
 
 def _print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], emphasised: str = "") -> None:
     """Prints numbers to three places; the row that begins with what is emphasised is bold."""
-    table = Table(*columns)
+    table = Table(Column(columns[0], no_wrap=True), *columns[1:])
     for row in rows:
         cells = [f"{value:.3f}" if isinstance(value, float) else str(value) for value in row]
         table.add_row(*cells, style="bold" if row[0] == emphasised else "")

@@ -29,6 +29,7 @@ from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.rewards import FEATURE_NAME, rewards_with
+from study_core.online.schedule import FEWEST_ANSWERS, LEAD
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
 from study_core.rewards import Rewards
@@ -210,7 +211,7 @@ class LearningSection(_Section):
     )
     feature_every: int | None = Field(
         None,
-        ge=10,
+        ge=LEAD + FEWEST_ANSWERS,
         description="After each so many active queries, learn a feature from the answers so far, and go on with it.",
     )
 
@@ -239,6 +240,16 @@ class StudyFile(_Section):
     acquisition: AcquisitionSection
     trajectory: TrajectorySection
     learning: LearningSection = LearningSection()
+
+    @model_validator(mode="after")
+    def _a_feature_comes_in_time(self) -> StudyFile:
+        every = self.learning.feature_every
+        if every is not None and every >= self.protocol.active_queries:
+            raise ValueError(
+                f"learning.feature_every must be less than protocol.active_queries, {self.protocol.active_queries}, "
+                f"for a query to be chosen with the feature; got {every}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _learning_knows_the_scale_of_rewards(self) -> StudyFile:
@@ -398,8 +409,12 @@ def _explain(error: ValidationError) -> str:
 
 
 def _explain_one(problem: Any) -> str:
+    message = problem["msg"].removeprefix("Value error, ")
+    if not problem["loc"]:
+        # About several sections together; the message names their keys.
+        return f"{message[0].lower()}{message[1:]}."
     # What `_kind_of_setting` says isn't a part of the file.
-    *section, key = [part for part in problem["loc"] if part not in ("number", "word")] or ["file"]
+    *section, key = [part for part in problem["loc"] if part not in ("number", "word")]
     where = ".".join(str(part) for part in (*section, key))
     if problem["type"] == "extra_forbidden":
         known = _keys_of(section)
@@ -408,7 +423,6 @@ def _explain_one(problem: Any) -> str:
         return f"unknown key '{where}'; {hint}"
     if problem["type"] == "missing":
         return f"key '{where}' is missing; add it."
-    message = problem["msg"].removeprefix("Value error, ")
     line = f"key '{where}': {message[0].lower()}{message[1:]}"
     # What is wrong with several keys together is said in full; the whole section would only hide it.
     return f"{line}." if isinstance(problem["input"], dict) else f"{line}, got {problem['input']!r}."

@@ -13,7 +13,7 @@ from app.errors import AppError
 from app.services.held_out import held_out
 from app.services.people import Person as Learner
 from app.services.people import is_finished, person
-from app.store import Source, Store
+from app.store import SessionRecord, Source, Store
 from study_core.domain import Domain
 from study_core.evaluation.people import Person
 from study_core.predictors.personal_network import FEWEST_ANSWERS
@@ -55,6 +55,8 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
         NobodyToEvaluateError: Nobody has finished, or people compared trajectories of different domains.
     """
     records = store.sessions() if study_name is None else store.sessions_of_study_named(study_name)
+    if study_name is not None and not records:
+        raise NobodyToEvaluateError(f"Nobody here has begun a study named '{study_name}'. Check the name.")
     finished = [
         record for record in records if record.source is not Source.REHEARSED and is_finished(store, record)
     ]
@@ -78,19 +80,28 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
         if posteriors:
             samples[name] = posteriors[-1].samples[:, : len(one.study.domain.feature_names)]
     if not people:
-        raise NobodyToEvaluateError(
-            " ".join(["Nobody here can be evaluated.", *left_out, "Import or finish some sessions first."])
-        )
+        raise NobodyToEvaluateError(" ".join(["Nobody here can be evaluated.", *left_out, _remedy(records)]))
     people.sort(key=_in_order)
     return Evaluated(next(iter(domains.values())), studies, people, samples, left_out)
 
 
+def number(known: Learner) -> str:
+    """Returns what a person is called in reports: their number in their study, or in the published data."""
+    return str(known.participant).removeprefix(PARTICIPANT_PREFIX)
+
+
+def _remedy(records: Sequence[SessionRecord]) -> str:
+    if any(record.source is Source.REHEARSED for record in records):
+        return "Import or finish some sessions first; rehearsed people are never evaluated."
+    return "Import or finish some sessions first."
+
+
 def _names(known: Sequence[Learner]) -> Iterator[str]:
     """Gives each person's number in their study, with the study's name where two have the same."""
-    numbers = [str(one.participant).removeprefix(PARTICIPANT_PREFIX) for one in known]
+    numbers = [number(one) for one in known]
     counts = Counter(numbers)
-    for one, number in zip(known, numbers, strict=True):
-        yield number if counts[number] == 1 else f"{one.study.name}-{number}"
+    for one, its_number in zip(known, numbers, strict=True):
+        yield its_number if counts[its_number] == 1 else f"{one.study.name}-{its_number}"
 
 
 def _in_order(one: Person) -> tuple[int, str]:

@@ -66,7 +66,7 @@ def unknown(rows: Session, session_id: str) -> StoreError:
         return SessionDeletedError(
             f"Session '{session_id}' was deleted at {at}. Nothing is kept for it any more."
         )
-    return StoreError(f"Expected the id of a session, got '{session_id}'. List them with Store.sessions().")
+    return StoreError(f"Expected the id of a session, got '{session_id}'. `prefstudy export` lists them.")
 
 
 def every(rows: Session, study_hash: str | None) -> list[SessionRecord]:

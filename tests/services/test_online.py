@@ -35,7 +35,7 @@ def online(*replacements: tuple[str, str]) -> Study:
     for old, new in (
         ("active_queries = 60 ", "active_queries = 20 "),
         ("test_queries = 40 ", "test_queries = 2 "),
-        ("feature_every = 20 ", "feature_every = 10 "),
+        ("feature_every = 20 ", "feature_every = 15 "),
         *replacements,
     ):
         assert old in text
@@ -60,16 +60,15 @@ def test_the_log_says_when_a_feature_came_and_from_how_many_queries(
     (record,) = runtime.store.sessions()
     events = list(runtime.events(record.id))
     learned = [(event.query_index, event.n_queries) for event in events if isinstance(event, FeatureLearned)]
-    # Six answers, before query 10, are too few to learn from; sixteen are enough, before the last posterior.
-    assert learned == [(20, 16)]
+    assert learned == [(15, 11)]
 
 
 def test_posteriors_have_one_weight_more_from_then_on(rehearsed: tuple[Runtime, Rehearsal]) -> None:
     runtime, rehearsal = rehearsed
     (record,) = runtime.store.sessions()
     widths = {one.query_index: one.samples.shape[1] for one in runtime.store.posteriors(record.id)}
-    assert widths == {**dict.fromkeys(range(20), 4), 20: 5}
-    assert [row["posterior_mean"]["learned"] is None for row in rehearsal.rows] == [True] * 19 + [False] * 3
+    assert widths == {index: 4 if index < 15 else 5 for index in range(21)}
+    assert [row["posterior_mean"]["learned"] is None for row in rehearsal.rows] == [True] * 14 + [False] * 8
     assert set(rehearsal.rows[0]) == set(rehearsal.rows[-1])
 
 
@@ -78,13 +77,11 @@ def test_the_feature_is_the_one_that_the_first_answers_teach(rehearsed: tuple[Ru
     (record,) = runtime.store.sessions()
     state = runtime.live(record.id).state
     assert state.participant is not None
-    expected = learn_feature(STUDY, state.participant, 16, compared(state, 16))
+    expected = learn_feature(STUDY, state.participant, 11, compared(state, 11))
     assert state.knowledge.feature == expected
 
 
-LONGER = online(
-    ("active_queries = 20 ", "active_queries = 18 "), ("feature_every = 10 ", "feature_every = 15 ")
-)
+LONGER = online(("active_queries = 20 ", "active_queries = 18 "))
 
 
 def test_queries_after_a_feature_are_chosen_with_it_and_replay_derives_it_again(tmp_path: Path) -> None:
@@ -123,13 +120,13 @@ def test_learning_begins_as_soon_as_the_answers_are_there(rehearsed: tuple[Runti
     runtime, _ = rehearsed
     _, record = services.join(runtime, STUDY, rehearsal="early")
     live = runtime.live(record.id)
-    for index in range(17):
-        assert (live.learning is not None) == (index >= 16)
+    for index in range(12):
+        assert (live.learning is not None) == (index >= 11)
         services.answer(runtime, record.id, index, "ab"[index % 2], 900)
         services.screen(runtime, record.id)
     assert live.learning is not None
-    assert live.learning[0] == 16
-    assert feature_before(runtime, live, live.state, 20) is live.learning[1]
+    assert live.learning[0] == 11
+    assert feature_before(runtime, live, live.state, 15) is live.learning[1]
 
 
 def test_a_session_read_again_goes_on_with_what_it_had_learned(tmp_path: Path) -> None:
@@ -167,4 +164,4 @@ def test_a_feature_that_cannot_be_learned_loses_no_answer_and_is_learned_again(
         assert services.screen(runtime, record.id).kind == "finished"
         learned = [event for event in runtime.events(record.id) if isinstance(event, FeatureLearned)]
     assert n_failures == 4
-    assert [event.query_index for event in learned] == [20]
+    assert [event.query_index for event in learned] == [15]

@@ -228,7 +228,7 @@ LEARNING = parse_study(
         response__answers=["a", "b", "skip"],
         response__rationality="inferred",
         prior__support="sphere",
-        learning__feature_every=10,
+        learning__feature_every=15,
     )
 )
 
@@ -242,16 +242,16 @@ def log_of(choices):
 
 def test_a_feature_is_due_before_each_block_once_it_can_be_learned():
     state = reduce(LEARNING, log_of([Choice.A, Choice.B] * 8))
-    assert [feature_due(LEARNING, state, index) for index in (9, 10, 19, 20, 21)] == [0, 0, 0, 16, 16]
-    learned = apply(LEARNING, state, FeatureLearned(16, 16, learned_feature(), "0.1.0"))
+    assert [feature_due(LEARNING, state, index) for index in (9, 14, 15, 16, 20)] == [0, 0, 11, 11, 11]
+    learned = apply(LEARNING, state, FeatureLearned(16, 11, learned_feature(), "0.1.0"))
     assert feature_due(LEARNING, learned, 20) == 0
     assert feature_due(STUDY, reduce(STUDY, whole_log([Choice.A] * N)), N) == 0
 
 
 def test_no_feature_is_learned_from_fewer_than_ten_preferences():
-    enough = reduce(LEARNING, log_of([Choice.SKIP] * 6 + [Choice.A] * 10))
-    too_few = reduce(LEARNING, log_of([Choice.SKIP] * 7 + [Choice.A] * 9))
-    assert (feature_due(LEARNING, enough, 20), feature_due(LEARNING, too_few, 20)) == (16, 0)
+    enough = reduce(LEARNING, log_of([Choice.SKIP] * 1 + [Choice.A] * 14))
+    too_few = reduce(LEARNING, log_of([Choice.SKIP] * 2 + [Choice.A] * 13))
+    assert (feature_due(LEARNING, enough, 15), feature_due(LEARNING, too_few, 15)) == (11, 0)
 
 
 def test_what_was_compared_is_what_the_posterior_sees_of_the_first_queries():

@@ -74,19 +74,27 @@ def test_the_online_study_learns_a_feature_and_the_others_know_their_files_alone
     assert not any(learning.people_before for learning in studies.values())
 
 
-LEARNING = {"prior__support": "sphere", "response__rationality": "inferred"}
+LEARNING = {
+    "protocol__active_queries": 20,
+    "prior__support": "sphere",
+    "response__rationality": "inferred",
+}
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"learning__feature_every": 10, **LEARNING, "prior__support": "ball"}, "needs prior.support"),
-        ({"learning__people_before": True, "prior__support": "sphere"}, "needs prior.support"),
+        ({"learning__feature_every": 15, **LEARNING, "prior__support": "ball"}, "needs prior.support"),
         (
-            {"learning__people_before": True, "learning__feature_every": 10, **LEARNING},
+            {"learning__people_before": True, "prior__support": "sphere"},
+            ": the section learning needs prior.support",
+        ),
+        (
+            {"learning__people_before": True, "learning__feature_every": 15, **LEARNING},
             "key 'learning': people_before and feature_every can't go together",
         ),
-        ({"learning__feature_every": 9, **LEARNING}, "key 'learning.feature_every'"),
+        ({"learning__feature_every": 13, **LEARNING}, "key 'learning.feature_every'"),
+        ({"learning__feature_every": 20, **LEARNING}, "less than protocol.active_queries, 20"),
         ({"learning__feature_evry": 20, **LEARNING}, "did you mean 'feature_every'"),
     ],
 )
