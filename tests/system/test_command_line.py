@@ -188,7 +188,7 @@ def test_a_person_is_deleted_when_it_is_confirmed(tmp_path: Path) -> None:
     session_id = json.loads(run("import", str(tmp_path), "--json", *database).stdout)["session_id"]
     refused = run("delete", session_id, *database, answer="n\n")
     assert refused.returncode == 1
-    assert "Delete imported person 1 of katz2021-published (9 answers) for good?" in refused.stderr
+    assert "Delete imported person 3 of katz2021-published (9 answers) for good?" in refused.stderr
     assert run("delete", session_id, *database, answer="y\n").returncode == 0
     assert_one_line_with(run("delete", session_id, "--yes", *database), "was deleted at")
     assert_one_line_with(run("delete", "nobody", "--yes", *database), "Expected the id of a session")
