@@ -96,6 +96,8 @@ def replay(
 ) -> None:
     """Run a scripted or exported session again, headless; fail at the first query that comes out differently.
 
+    Who started from somebody who has been deleted is left out, and named.
+
     The first line of a script is like {"study": "quickstart", "participant": 1}; each line after it like
     {"query_index": 0, "choice": "a", "response_time_ms": 1200}.
     """
@@ -106,6 +108,9 @@ def replay(
     log.configure("WARNING")
     with wiring.headless() as runtime:
         for script in read_scripts(path):
+            if script.hindrance:
+                _warn([script.hindrance])
+                continue
             build_bank(script.study)
             summary = replay_script(runtime, script)
             _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")

@@ -29,6 +29,7 @@ from study_core.evaluation.learning_curve import Curve
 from study_core.evaluation.scores import Scores
 from study_core.evaluation.scores import calibration as calibration_bins
 from study_core.predictors.personal_network import NetworkModel
+from study_core.published_session import STUDY_NAME as PUBLISHED_STUDY
 
 _N_BINS = 8
 # Where the paper holds the inputs that don't vary.
@@ -55,9 +56,11 @@ def illustrations(findings: Findings) -> list[Illustration]:
 def _illustration(
     findings: Findings, name: str, figure: Figure, columns: Sequence[str], rows: Sequence[Sequence[Any]]
 ) -> Illustration:
-    """Returns a figure with its words."""
+    """Returns a figure with its words; what the paper's own shows is said beside the people of the paper alone."""
     said = {key: text.format(first=findings.people[0].name) for key, text in read_words()[name].items()}
-    return Illustration(name, said["title"], said["caption"], said["paper"], figure, columns, rows)
+    names = {study.name for study in findings.evaluated.studies.values()}
+    paper = said["paper"] if names == {PUBLISHED_STUDY} else ""
+    return Illustration(name, said["title"], said["caption"], paper, figure, columns, rows)
 
 
 def _queries(findings: Findings) -> Illustration:

@@ -66,6 +66,12 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
         raise NobodyToEvaluateError(
             f"Expected people of one domain, got {' and '.join(sorted(domains))}. Name one --study."
         )
+    names = sorted({one.study.name for one in known})
+    if len(names) > 1:
+        raise NobodyToEvaluateError(
+            f"Expected people of one study, whose test queries are the same, got {' and '.join(names)}. "
+            "Name one --study."
+        )
     people, samples, left_out = [], {}, []
     studies: dict[str, Study] = {}
     for record, name, one in zip(finished, _names(known), known, strict=True):

@@ -56,6 +56,16 @@ class Script:
     adopted: PopulationAdopted | None = None
     learned: tuple[FeatureLearned, ...] = ()
 
+    @property
+    def hindrance(self) -> str:
+        """Returns why the queries can't be derived again; empty if they can."""
+        if self.adopted is None or self.adopted.population is not None:
+            return ""
+        return (
+            f"{self.source}: the queries can't be derived again: somebody whom their start was learned from has been "
+            "deleted, and what they taught with them."
+        )
+
 
 def read_scripts(path: Path) -> Iterator[Script]:
     """Gives the sessions in a script (JSON Lines of answers) or in an exported directory.
@@ -73,9 +83,11 @@ def replay(runtime: Runtime, script: Script) -> Json:
     """Runs a script through the services; returns the session's summary.
 
     Raises:
-        ScriptError: It has too few or too many answers.
+        ScriptError: It has too few or too many answers, or can't be derived again.
         ReplayDifferenceError: A stored query comes out differently; the message names the number.
     """
+    if script.hindrance:
+        raise ScriptError(f"{script.hindrance} Leave this person out.")
     is_partial = bool(script.stored) and len(script.answers) < script.study.protocol.n_queries
     if not is_partial:
         _require_count(script)
@@ -224,11 +236,6 @@ def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json
     if begun is None:
         raise ScriptError(f"{folder}: the log of person {person_id} does not begin. Export again.")
     adopted = next((event for event in events if isinstance(event, PopulationAdopted)), None)
-    if adopted is not None and adopted.population is None:
-        raise ScriptError(
-            f"{folder}: the queries of person {person_id} can't be derived again: somebody whom their start was "
-            "learned from has been deleted, and what they taught with them. Replay a folder without this person."
-        )
     return Script(
         f"{folder}, person {person_id}",
         study,

@@ -12,8 +12,10 @@ from app.services import study as services
 from app.services.evaluation import NobodyToEvaluateError, people_to_evaluate
 from app.services.published import import_person, read_people
 from app.services.rehearsal import Crowd, rehearse
+from app.services.walk import walk
 from app.settings import find_study
 from app.store import Store
+from study_core.comparison import Choice
 from tests.support.published import write_person
 
 QUICKSTART = find_study("quickstart")
@@ -73,3 +75,28 @@ def test_rehearsed_people_and_those_who_are_still_at_it_are_not_evaluated(
     assert [person.name for person in people_to_evaluate(store).people] == ["1"]
     with pytest.raises(NobodyToEvaluateError):
         people_to_evaluate(store, "quickstart")
+
+
+def test_people_of_two_studies_are_not_averaged(store: Store, database_url: str, tmp_path: Path) -> None:
+    import_people(store, tmp_path, person_1=12)
+    with wiring.headless(database_url) as runtime:
+        _, record = services.join(runtime, QUICKSTART)
+        walk(runtime, record.id, lambda prepared: (list(Choice)[prepared.query_index % 2], 900))
+    with pytest.raises(
+        NobodyToEvaluateError, match=r"got katz2021-published and quickstart. Name one --study"
+    ):
+        people_to_evaluate(store)
+    assert [person.name for person in people_to_evaluate(store, "katz2021-published").people] == ["1"]
+
+
+def test_a_study_that_nobody_has_begun_is_named(store: Store, tmp_path: Path) -> None:
+    import_people(store, tmp_path, person_1=12)
+    with pytest.raises(NobodyToEvaluateError, match="Nobody here has begun a study named 'nosuch'"):
+        people_to_evaluate(store, "nosuch")
+
+
+def test_rehearsed_people_are_said_not_to_count(store: Store, database_url: str) -> None:
+    with wiring.headless(database_url) as runtime:
+        rehearse(runtime, QUICKSTART, Crowd(1, 1), 1, lambda: None)
+    with pytest.raises(NobodyToEvaluateError, match="rehearsed people are never evaluated"):
+        people_to_evaluate(store)
