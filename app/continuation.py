@@ -30,7 +30,8 @@ def continue_session(request: Request) -> Continuation:
     study = parse_study(request.study_text).knowing(request.knowledge)
     posterior = None
     if request.needs_posterior:
-        posterior = infer_posterior(study, request.participant, request.query_index, _known(study, request))
+        known = request.knowledge.add_to(study.domain, request.comparisons, request.compared)
+        posterior = infer_posterior(study, request.participant, request.query_index, known)
     proposed = request.test_query or _propose(study, request, posterior)
     clips = clip_digests(study.domain, proposed.query)
     compute_ms = 1000.0 * (time.perf_counter() - started)
@@ -54,15 +55,6 @@ def learn(request: FeatureRequest) -> FeatureLearned:
     except NetworkError:
         log.warning("%s: the training of a feature diverged; the session goes on without it", request.key)
     return FeatureLearned(request.query_index, request.n_queries, feature, CODE_VERSION)
-
-
-def _known(study: Study, request: Request) -> ComparisonSet:
-    """Returns the answers in the features that the session goes on with."""
-    feature = study.knowledge.feature
-    if feature is None:
-        return request.comparisons
-    assert request.compared is not None, "a learned feature looks at what was compared"
-    return feature.added_to(study.domain, request.compared)
 
 
 def _propose(study: Study, request: Request, posterior: Posterior | None) -> ProposedQuery:

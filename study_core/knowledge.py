@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from study_core.online.feature import LearnedFeature
+from study_core.comparison import ComparisonSet
+from study_core.domain import Domain
+from study_core.online.feature import Compared, LearnedFeature
 from study_core.posterior.population import PopulationPrior
 
 
@@ -19,6 +21,19 @@ class Knowledge:
 
     population: PopulationPrior | None = None
     feature: LearnedFeature | None = None
+
+    def add_to(self, domain: Domain, comparisons: ComparisonSet, compared: Compared | None) -> ComparisonSet:
+        """Returns a session's answers in the features that it goes on with.
+
+        Args:
+            domain: Whose trajectories were compared.
+            comparisons: The answers in the hand-coded features.
+            compared: The same with what they compared; needed once a feature has been learned.
+        """
+        if self.feature is None:
+            return comparisons
+        assert compared is not None, "a learned feature looks at what was compared"
+        return self.feature.added_to(domain, compared)
 
     @property
     def digest(self) -> str:

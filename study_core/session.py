@@ -269,10 +269,9 @@ def compared(state: SessionState, n_queries: int) -> Compared:
 
 def known_comparisons(study: Study, state: SessionState) -> ComparisonSet:
     """Returns the answers that inform the posterior, in the features that the session goes on with."""
-    feature = state.knowledge.feature
-    if feature is None:
-        return state.comparisons
-    return feature.added_to(study.domain, compared(state, len(state.answers)))
+    has_feature = state.knowledge.feature is not None
+    asked = compared(state, len(state.answers)) if has_feature else None
+    return state.knowledge.add_to(study.domain, state.comparisons, asked)
 
 
 def test_comparisons(study: Study, state: SessionState) -> ComparisonSet:

@@ -28,7 +28,8 @@ from study_core.comparison import ComparisonSet
 from study_core.participants import alignment, draw_person
 from study_core.queries import infer_posterior, propose_active_query
 from study_core.streams import stream
-from study_core.study import Study, TrajectorySection
+from study_core.study import Study
+from study_core.study_file import TrajectorySection
 from study_core.trajectory import best_from_bank
 
 N_PEOPLE, N_QUERIES = 100, 30

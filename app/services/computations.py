@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from typing import Any
 
 from app.services.continuation import Computation
 
 HandOver = Callable[..., None]
 """Runs a function with its arguments soon, in another thread; not at all when the process is ending."""
+
+
+def hand_over(executor: Executor, function: Callable[..., object], *arguments: object) -> None:
+    """Runs a function soon, in another thread; refused when the process is ending: the next one begins again."""
+    with suppress(RuntimeError):
+        executor.submit(function, *arguments)
 
 
 def has_succeeded(computation: Computation) -> bool:

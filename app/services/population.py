@@ -11,12 +11,12 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from threading import Lock
 from typing import Any, Protocol
 
+from app.services.computations import hand_over
 from app.services.continuation import Computation, Engine
 from app.services.people import ActiveAnswers, is_finished, person, study_of
 from app.store.errors import SessionDeletedError
@@ -167,9 +167,7 @@ class PopulationTrainer:
         return 0
 
     def _in_background(self, task: Callable[[], object]) -> None:
-        # Refused when the process is ending; the next one finds what is missing.
-        with suppress(RuntimeError):
-            self._background.submit(task)
+        hand_over(self._background, task)
 
     def _go_on(self, name: str) -> None:
         """Learns a study if somebody is still waited for."""

@@ -7,9 +7,9 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 
+from app.services.computations import hand_over
 from app.services.continuation import Computation, ContinueFn, Engine, LearnFn, TestSetFn
 from app.services.population import PopulationTrainer
 from app.services.training import Trainer
@@ -106,9 +106,8 @@ class Runtime:
         self.background.shutdown(wait=True)
 
     def hand_over(self, function: Callable[..., object], *arguments: object) -> None:
-        """Runs a function soon, in the background; refused when the process is ending: the next one begins again."""
-        with suppress(RuntimeError):
-            self.background.submit(function, *arguments)
+        """Runs a function soon, in the background; see `app.services.computations`."""
+        hand_over(self.background, function, *arguments)
 
     def open_study(self, study: Study) -> OpenStudy:
         """Stores a study, and computes its test set unless it is stored already."""

@@ -12,12 +12,12 @@ import json
 import logging
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, Protocol
 
 from app.errors import AppError
+from app.services.computations import hand_over
 from app.services.continuation import Computation, Engine
 from app.services.people import ActiveAnswers, is_finished, person
 from app.store.errors import SessionDeletedError
@@ -184,9 +184,7 @@ class Trainer:
             )
 
     def _in_background(self, task: Callable[[str], object], name: str) -> None:
-        # Refused when the process is ending; the next one finds what is missing.
-        with suppress(RuntimeError):
-            self._background.submit(_reporting, task, name)
+        hand_over(self._background, _reporting, task, name)
 
     def _begin_all(self, study_name: str) -> None:
         for record in self.missing(study_name):

@@ -41,7 +41,7 @@ class Embedding:
 
     def signed_diffs(self, training: Training) -> Float[np.ndarray, "n k"]:
         """Returns the features of what was preferred less those of the other, shape `(n, k)`."""
-        return training.signs[:, None] * self.diffs(training.pairs)
+        return ComparedFeatures.of(self.features, training).signed_diffs * self.inverse_scales
 
 
 @dataclass(frozen=True)

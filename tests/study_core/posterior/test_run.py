@@ -15,7 +15,7 @@ from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings, infer
 from study_core.posterior.target import Target
 from study_core.streams import stream
-from study_core.study import SamplerSection
+from study_core.study_file import SamplerSection
 from tests.study_core import references
 from tests.study_core.posterior import brute_force
 from tests.study_core.posterior.brute_force import Case
