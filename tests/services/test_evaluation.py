@@ -81,7 +81,11 @@ def test_people_of_two_studies_are_not_averaged(store: Store, database_url: str,
     import_people(store, tmp_path, person_1=12)
     with wiring.headless(database_url) as runtime:
         _, record = services.join(runtime, QUICKSTART)
-        walk(runtime, record.id, lambda prepared: (list(Choice)[prepared.query_index % 2], 900))
+        walk(
+            runtime,
+            record.id,
+            lambda asked: AnswerGiven(asked.query_index, list(Choice)[asked.query_index % 2], 900),
+        )
     with pytest.raises(
         NobodyToEvaluateError, match=r"got katz2021-published and quickstart. Name one --study"
     ):
