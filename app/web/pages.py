@@ -9,6 +9,8 @@ from fastapi.templating import Jinja2Templates
 from app.settings import STATIC
 
 templates = Jinja2Templates(STATIC / "templates")
+# What marks a string for people; until there is a catalogue, each says itself.
+templates.env.globals["_"] = str
 
 
 def error_json(status: int, code: str, message: str) -> JSONResponse:

@@ -9,10 +9,11 @@ from app.settings import find_study
 from study_core.comparison import Choice
 from study_core.domains.driving import DRIVING_V1
 from study_core.errors import PublishedDataError
+from study_core.plan import Phase
 from study_core.published import find_files, read_person
 from study_core.published_session import read_session
 from study_core.queries import Imported
-from study_core.session import Action, AnswerGiven, Phase, QueryPrepared, SessionBegun, next_action, reduce
+from study_core.session import Action, AnswerGiven, QueryPrepared, SessionBegun, next_action, reduce
 from tests.support.published import write_person
 
 PROTOCOL = find_study("katz2021-code")
@@ -64,7 +65,7 @@ def test_the_study_is_the_published_codes_with_the_numbers_of_queries_answered(t
     study = session_of(tmp_path, 5).study
     ours, theirs = (one.file.model_dump() for one in (study, PROTOCOL))
     assert ours.pop("name") == "katz2021-published"
-    assert ours.pop("protocol") == {"active_queries": 4, "test_queries": 2}
+    assert ours.pop("protocol") == {"active_queries": 4, "test_queries": 2, "repeats": 0, "checks": 0}
     theirs.pop("name")
     theirs.pop("protocol")
     assert ours == theirs
