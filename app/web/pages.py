@@ -12,6 +12,7 @@ from jinja2.runtime import Context
 
 from app.settings import STATIC
 from app.web.languages import choose_language, format_number, interface_languages, text_direction, translator
+from app.web.markdown import render_markdown
 
 
 def page_language(request: Request) -> str:
@@ -55,7 +56,7 @@ def _number(context: Context, value: float) -> str:
 
 
 def _environment() -> Environment:
-    """Returns the templates' environment: `_`, `ngettext` and `{% trans %}`, and the filter `number`."""
+    """Returns the templates' environment: `_`, `ngettext`, `{% trans %}`, and the filters `number` and `markdown`."""
     environment = Environment(
         loader=FileSystemLoader(STATIC / "templates"),
         autoescape=select_autoescape(),
@@ -63,7 +64,7 @@ def _environment() -> Environment:
     )
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(_gettext, _ngettext, newstyle=True)  # type: ignore[attr-defined]
-    environment.filters["number"] = _number
+    environment.filters |= {"number": _number, "markdown": render_markdown}
     return environment
 
 
