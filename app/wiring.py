@@ -32,7 +32,8 @@ from app.stage.stage import Picture
 from app.store import Store, open_existing_store, open_store, serve_lock
 from app.training import PERSONAL_NETWORK, fit_population
 from app.web.changes import Changes
-from app.web.site import SiteParts, create_site
+from app.web.parts import SiteParts
+from app.web.site import create_site
 from study_core.study import Study
 
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")

@@ -87,7 +87,7 @@ def read_session(train_path: Path, test_path: Path, protocol: Study, code_versio
     events: list[Event] = [SessionBegun(f"{PARTICIPANT_PREFIX}{person.number}")]
     for index, (proposed, choice) in enumerate((*active, *test)):
         phase = Phase.ACTIVE if index < len(active) else Phase.TEST
-        events.append(QueryPrepared(index, phase, proposed, {}, code_version, None))
+        events.append(QueryPrepared(index, phase, proposed, {}, code_version, None, None))
         events.append(AnswerGiven(index, choice, None))
     reduce(study, events)
     return PublishedSession(

@@ -14,7 +14,8 @@ import uvicorn
 
 from app import wiring
 from app.settings import find_study
-from app.web.site import SiteParts, create_site
+from app.web.parts import SiteParts
+from app.web.site import create_site
 from tests.support.screens import first_question
 from tests.support.server import ServerProcess, running_server
 

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.web.site import SiteParts
+from app.web.parts import SiteParts
 from study_core.study import parse_study
 from tests.support.screens import first_question, screens
 from tests.support.server import ServerProcess

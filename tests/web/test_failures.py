@@ -9,9 +9,9 @@ import httpx
 import pytest
 
 from app.services import study as services
-from app.web import site
+from app.web import joining
 from app.web.guard import JoinLimit
-from app.web.site import SiteParts
+from app.web.parts import SiteParts
 from tests.support.screens import first_question, screens
 from tests.web.test_pages import BROWSER, assert_safe
 
@@ -21,7 +21,7 @@ JOINS = 3
 @pytest.fixture(autouse=True)
 def few_joins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets three people a minute in."""
-    monkeypatch.setattr(site, "JoinLimit", partial(JoinLimit, JOINS))
+    monkeypatch.setattr(joining, "JoinLimit", partial(JoinLimit, JOINS))
 
 
 def test_more_joins_than_a_minute_takes_are_asked_to_wait(url: str) -> None:

@@ -16,8 +16,8 @@ from app.services.runtime import Runtime
 from app.services.study import Screen
 from app.web import screens as module
 from app.web.changes import Changes
+from app.web.parts import SiteParts
 from app.web.screens import screen_events
-from app.web.site import SiteParts
 from tests.support.screens import screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import join

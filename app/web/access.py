@@ -1,0 +1,30 @@
+"""Who a request is of: the secret in its address."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Depends, HTTPException, Request
+from starlette.concurrency import run_in_threadpool
+
+from app.services import study as services
+from app.services.runtime import Runtime
+from app.store import SessionRecord
+
+UNKNOWN_LINK = (
+    "This link doesn’t open a session here",
+    "Check that the whole link was copied, or ask the person who sent it to you for a new one.",
+)
+
+
+async def _session_of(request: Request, token: str) -> SessionRecord:
+    runtime: Runtime = request.app.state.parts.runtime
+    # Almost every request is of a session that is known; only the first has to ask the store, in a thread.
+    found = services.find_known(runtime, token) or await run_in_threadpool(services.find, runtime, token)
+    if found is None:
+        raise HTTPException(404, UNKNOWN_LINK)
+    return found
+
+
+ThisSession = Annotated[SessionRecord, Depends(_session_of)]
+"""The session that the secret in a request's address opens; whoever has none is told so."""

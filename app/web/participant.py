@@ -1,0 +1,78 @@
+"""A session's pages and their JSON API, below its own secret address."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response, StreamingResponse
+from pydantic import BaseModel, ConfigDict
+
+from app.services import study as services
+from app.web.access import ThisSession
+from app.web.pages import templates
+from app.web.parts import SiteParts
+from app.web.screens import screen_events
+from app.web.welcome import welcome_page
+from study_core.comparison import Choice
+
+_OTHER_ANSWERS = {
+    Choice.SAME: "About the same",
+    Choice.UNSURE: "Can’t tell",
+    Choice.SKIP: "Skip this pair",
+}
+
+
+class AnswerBody(BaseModel):
+    """An answer as the page sends it; `client` is what the browser measured."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    query_index: int
+    choice: str
+    response_time_ms: int
+    client: dict[str, Any] | None = None
+
+
+def participant_routes(parts: SiteParts) -> APIRouter:
+    """Returns the routes below `/s/{token}/`, the stage's apart."""
+    router = APIRouter(prefix="/s/{token}")
+    runtime = parts.runtime
+
+    @router.get("/")
+    def page(request: Request, session: ThisSession) -> Response:
+        screen = services.screen(runtime, session.id)
+        study = runtime.live(session.id).study
+        if screen.kind == "welcome":
+            return welcome_page(request, study)
+        text = study.file.text
+        context = {
+            "title": study.file.title,
+            "question": text.question,
+            "thanks": text.thanks,
+            "screen": asdict(screen),
+            "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
+        }
+        return templates.TemplateResponse(request, "participant.html", context)
+
+    @router.post("/")
+    def begin(token: str, session: ThisSession) -> Response:
+        services.begin(runtime, session.id)
+        return RedirectResponse(f"/s/{token}/", status_code=303)
+
+    @router.get("/screens")
+    async def screens(session: ThisSession) -> Response:
+        events = screen_events(runtime, session.id, parts.changes, parts.n_viewers)
+        # A proxy in front must pass each event on at once.
+        headers = {"X-Accel-Buffering": "no"}
+        return StreamingResponse(events, headers=headers, media_type="text/event-stream")
+
+    @router.post("/answer")
+    def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
+        receipt = services.answer(
+            runtime, session.id, body.query_index, body.choice, body.response_time_ms, body.client
+        )
+        return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
+
+    return router
