@@ -15,6 +15,7 @@ from babel import Locale, UnknownLocaleError, negotiate_locale
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
 from babel.numbers import format_decimal
+from babel.units import format_unit
 
 from app.settings import STATIC
 
@@ -61,6 +62,11 @@ def text_direction(language: str) -> str:
 def format_number(value: float, language: str) -> str:
     """Returns a number as the language writes it, e.g. `1.234,5` in German."""
     return format_decimal(value, locale=_locale(language))
+
+
+def format_minutes(minutes: int, language: str) -> str:
+    """Returns a duration in words, e.g. `12 minutes`."""
+    return format_unit(minutes, "duration-minute", locale=_locale(language))
 
 
 def choose_language(wanted: str | None, accept_language: str | None, available: Sequence[str]) -> str:

@@ -19,6 +19,7 @@ from app.settings import ROOT
 from app.web.languages import (
     CATALOGUES,
     choose_language,
+    format_minutes,
     format_number,
     interface_languages,
     text_direction,
@@ -126,6 +127,11 @@ def test_numbers_are_written_as_the_language_writes_them() -> None:
     assert format_number(1234.5, "en") == "1,234.5"
     assert format_number(1234.5, "de") == "1.234,5"
     assert rendered("{{ n | number }}", request("lang=de"), n=1200) == "1.200"
+
+
+def test_a_duration_is_said_in_words() -> None:
+    assert format_minutes(12, "en") == "12 minutes"
+    assert format_minutes(1, "de") == "1 Minute"
 
 
 @pytest.mark.parametrize(
