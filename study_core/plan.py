@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -143,7 +144,7 @@ def _sides(rng: np.random.Generator, n: int) -> list[Choice]:
 
 def _longest_run(sides: list[Choice]) -> int:
     longest = run = 1
-    for before, after in zip(sides, sides[1:], strict=False):
+    for before, after in pairwise(sides):
         run = run + 1 if after is before else 1
         longest = max(longest, run)
     return longest
@@ -151,8 +152,8 @@ def _longest_run(sides: list[Choice]) -> int:
 
 def _checks(rng: np.random.Generator, main: range, n: int) -> dict[int, Position]:
     """Returns where checks stand, and what they tell people to choose; the first query is none."""
-    places = rng.choice(np.array(main[1:]), size=n, replace=False) if n else []
-    return {int(place): list(Position)[rng.integers(2)] for place in sorted(places)}
+    places = rng.choice(np.array(main[1:]), size=n, replace=False).tolist() if n else []
+    return {place: list(Position)[rng.integers(2)] for place in sorted(places)}
 
 
 def _repeats(

@@ -27,9 +27,7 @@ def preferences(
     Returns:
         The n pairs, and +1 where A was preferred, -1 where B was.
     """
-    preferred = [
-        (query, choice.sign) for query, choice in _answered(events, phase) if choice.sign != 0.0
-    ]
+    preferred = [(query, choice.sign) for query, choice in _answered(events, phase) if choice.sign != 0.0]
     n_controls = len(domain.control_lower)
     controls_a, controls_b = (
         np.array([getattr(query, side) for query, _ in preferred]).reshape(-1, n_controls)

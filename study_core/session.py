@@ -19,7 +19,7 @@ from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.feature import Compared, LearnedFeature
 from study_core.online.schedule import FEWEST_ANSWERS, LEAD, n_learned_from
 from study_core.path import ConsentStep, Ending, PracticeStep, QueriesStep, QuestionnaireStep, Step
-from study_core.plan import Phase, Plan, plan_of
+from study_core.plan import Phase, Plan, Position, plan_of
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Participant, ProposedQuery
 from study_core.study import Study
@@ -102,6 +102,8 @@ class QueryPrepared:
         code_version: Version of prefstudy that computed or imported it.
         compute_ms: What it cost, one core; None for an imported query.
         first_shown: The trajectory in the first position on the screen; None where nobody wrote it down.
+        repeat_of: Index of the query that this one asks again.
+        instructed: What a check tells the person to choose.
     """
 
     query_index: int
@@ -111,6 +113,8 @@ class QueryPrepared:
     code_version: str
     compute_ms: float | None
     first_shown: Choice | None
+    repeat_of: int | None = None
+    instructed: Position | None = None
 
 
 @dataclass(frozen=True)
@@ -340,7 +344,8 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
     """
     state = replace(state, n_events=state.n_events + 1)
     if state.ending is not None:
-        raise SessionError(f"Expected a session that goes on; this one has ended: {state.ending}.")
+        kind = AnswerNotCurrentError if isinstance(event, AnswerGiven) else SessionError
+        raise kind(f"Expected a session that goes on; this one has ended: {state.ending}.")
     if isinstance(event, SessionBegun):
         return _begin(state, event)
     if isinstance(event, LanguageChosen):
@@ -454,9 +459,7 @@ def _answer(study: Study, state: SessionState, event: AnswerGiven) -> SessionSta
     comparisons = state.comparisons
     if current.phase is Phase.ACTIVE:
         comparisons = comparisons.append(current.proposed.query, event.choice)
-    state = replace(
-        state, answers=(*state.answers, event), comparisons=comparisons, before_answer=before
-    )
+    state = replace(state, answers=(*state.answers, event), comparisons=comparisons, before_answer=before)
     has_more = _is_asking(study, state) or _has_check(current_step(study, state))
     return state if has_more else _go_on(study, state)
 

@@ -15,7 +15,7 @@ from study_core.errors import CheckpointError, SessionError
 from study_core.networks import checkpoint
 from study_core.online.feature import LearnedFeature
 from study_core.path import Ending
-from study_core.plan import Phase
+from study_core.plan import Phase, Position
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Imported, ProposedQuery, Provenance
 from study_core.session import (
@@ -74,6 +74,8 @@ def _prepared_to_json(event: QueryPrepared) -> Json:
         "query_index": event.query_index,
         "phase": event.phase.value,
         "first_shown": event.first_shown,
+        "repeat_of": event.repeat_of,
+        "instructed": event.instructed,
         **proposed_to_json(event.proposed),
         "clips": dict(event.clips),
         "code_version": event.code_version,
@@ -173,6 +175,8 @@ def _query_prepared(content: Json) -> QueryPrepared:
         content["compute_ms"],
         # The first sessions ever kept showed A first, and didn't say so.
         _choice(content.get("first_shown", Choice.A)),
+        content.get("repeat_of"),
+        None if content.get("instructed") is None else Position(content["instructed"]),
     )
 
 

@@ -74,6 +74,10 @@ class Study:
         """Returns a text in one of its languages."""
         return words_in(self.file.text[name], language)
 
+    def text_hash(self, name: str, language: str) -> str:
+        """Returns the SHA-256 of a text in one of its languages, in hex."""
+        return hashlib.sha256(self.text_named(name, language).encode()).hexdigest()
+
     @cached_property
     def n_practice(self) -> int:
         """Returns how many queries are for practice; they come first."""

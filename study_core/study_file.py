@@ -25,7 +25,6 @@ from study_core.path import (
     Item,
     Path,
     PracticeStep,
-    QueriesStep,
     questionnaire_of,
     text_of,
 )
@@ -72,7 +71,9 @@ class ProtocolSection(Section):
         ge=0, le=10_000, description="Common queries, the same for everyone, kept out of the posterior."
     )
     repeats: int = Field(
-        0, ge=0, description="Active queries that are asked once more with swapped sides, out of the posterior."
+        0,
+        ge=0,
+        description="Active queries that are asked once more with swapped sides, out of the posterior.",
     )
     checks: int = Field(
         0, ge=0, description="Queries that say which side to choose, to see whether they are read."
@@ -231,7 +232,9 @@ class AnsweringSection(Section):
 class RecruitmentSection(Section):
     """Who can join when; nobody who is in a session is sent away by it."""
 
-    opens: AwareDatetime | None = Field(None, description="With its offset, such as 2026-12-01T09:00:00+01:00.")
+    opens: AwareDatetime | None = Field(
+        None, description="With its offset, such as 2026-12-01T09:00:00+01:00."
+    )
     closes: AwareDatetime | None = None
     places: int | None = Field(None, ge=1, description="Completed sessions wanted.")
 
@@ -261,8 +264,8 @@ class StudyFile(Section):
     languages: tuple[Language, ...] = Field(("en",), min_length=1, description="The first is the default.")
     text: dict[str, Words] = Field(description="What the participant reads, by name; Markdown.")
     path: Path = QUERIES_ALONE
-    questionnaire: dict[str, Annotated[tuple[Item, ...], Field(min_length=1, strict=False)]] = {}
-    endings: dict[str, EndingSection] = {}
+    questionnaire: dict[str, Annotated[tuple[Item, ...], Field(min_length=1, strict=False)]] = Field({})
+    endings: dict[str, EndingSection] = Field({})
     answering: AnsweringSection = AnsweringSection()
     recruitment: RecruitmentSection = RecruitmentSection()
     session: SessionSection = SessionSection()
@@ -315,9 +318,13 @@ class StudyFile(Section):
                     f"no questionnaire is called '{name}'; add [[questionnaire.{name}]] or the file {name}.toml in "
                     "the study's folder"
                 )
-        check = next((step.check for step in self.path if isinstance(step, PracticeStep) and step.check), None)
+        check = next(
+            (step.check for step in self.path if isinstance(step, PracticeStep) and step.check), None
+        )
         if check and not any(getattr(item, "right", None) is not None for item in self.questionnaire[check]):
-            raise ValueError(f"the check '{check}' needs an item with a right answer; add `right = ...` to one")
+            raise ValueError(
+                f"the check '{check}' needs an item with a right answer; add `right = ...` to one"
+            )
         return self
 
     @model_validator(mode="after")
@@ -338,7 +345,6 @@ class StudyFile(Section):
             if missing:
                 raise ValueError(f"'{where}' is missing in {', '.join(missing)}; add it in every language")
         return self
-
 
     @model_validator(mode="after")
     def _a_feature_comes_in_time(self) -> StudyFile:
@@ -376,8 +382,8 @@ def _all_words(file: StudyFile) -> Iterator[tuple[str, Words]]:
     for name, items in file.questionnaire.items():
         for item in items:
             for key in ("label", "low", "high"):
-                if (words := getattr(item, key, None)) is not None:
-                    yield f"questionnaire.{name}.{item.name}.{key}", words
+                if hasattr(item, key):
+                    yield f"questionnaire.{name}.{item.name}.{key}", getattr(item, key)
             for option in getattr(item, "options", ()):
                 yield f"questionnaire.{name}.{item.name}.{option.name}", option.label
 

@@ -1,7 +1,8 @@
 """What stands beside a study file: texts and questionnaires, put into the study's text so that it is whole.
 
-`NAME.LANGUAGE.md` is a text, `NAME.toml` a questionnaire with `[[item]]` tables. A study's own folder, called as its file
-without the ending, goes before the library of ready ones, where they are in the folders `texts` and `questionnaires`.
+`NAME.LANGUAGE.md` is a text, `NAME.toml` a questionnaire with `[[item]]` tables. A study's own folder, called as its
+file without the ending, goes before the library of ready ones, where they are in the folders `texts` and
+`questionnaires`.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def with_its_folder(text: str, folder: Path, library: Path | None) -> str:
         added["questionnaire"] = questionnaires
     if not added:
         return text
-    return f"{text.rstrip()}\n\n# From the study's folder and the ready texts.\n{tomli_w.dumps(added, multiline_strings=True)}"
+    appendix = tomli_w.dumps(added, multiline_strings=True)
+    return f"{text.rstrip()}\n\n# From the study's folder and the ready texts.\n{appendix}"
 
 
 def _languages(content: Json) -> list[str]:
@@ -69,7 +71,9 @@ def _is_file_name(name: str) -> bool:
 
 def _missing_texts(content: Json) -> list[str]:
     steps = _tables(content.get("path"))
-    shown = [step.get("text", "break" if step.get("step") == "queries" else step.get("step")) for step in steps]
+    shown = [
+        step.get("text", "break" if step.get("step") == "queries" else step.get("step")) for step in steps
+    ]
     endings = content.get("endings")
     ends = list(endings.values()) if isinstance(endings, dict) else []
     there = content.get("text")
