@@ -25,7 +25,7 @@ const stillness = matchMedia("(prefers-reduced-motion: reduce)");
 export class Stage {
   /**
    * `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come,
-   * `hears.revealed(playing)` that a new clip is on the screen, and how it plays.
+   * `hears.revealed(playing)`, which may be absent, that a new clip comes on the screen, and how it plays.
    */
   constructor(frame, connection, hears) {
     this.frame = frame;
@@ -142,6 +142,11 @@ export class Stage {
     return pixels[3] === 255 ? { mark: numberOf(pixels, 0), flag: numberOf(pixels, 4) } : null;
   }
 
+  /** The number of the picture that the canvas shows, or null while it shows none. */
+  mark() {
+    return this.read()?.mark ?? null;
+  }
+
   /** Looks, frame by frame, for as long as a change is expected: reading pixels takes time, so not always. */
   watch() {
     this.watchUntil = performance.now() + EXPECT_MS;
@@ -178,7 +183,7 @@ export class Stage {
 
   async reveal(flag) {
     const response = await this.connection.request("stage", { action: "loaded", value: flag }).catch(() => null);
-    if (response?.ok) this.hears.revealed(await response.json());
+    if (response?.ok) this.hears.revealed?.(await response.json());
   }
 
   /** Gives when a query's picture was first seen; `isWanted` tells whether anybody still asks. */
