@@ -184,7 +184,7 @@ def simulate(
         table = stack.enter_context(new_table(out)) if out else None
         runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
         progress = stack.enter_context(new_progress())
-        task = progress.add_task(definition.name, total=people * definition.protocol.n_queries)
+        task = progress.add_task(definition.name, total=people * definition.n_queries)
         rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
         for rehearsal in stack.enter_context(closing(rehearsals)):
             if table is not None:

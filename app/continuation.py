@@ -14,9 +14,17 @@ from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.domain import Domain
 from study_core.errors import NetworkError
 from study_core.online.learn import learn_feature
+from study_core.plan import Phase, Slot, plan_of
 from study_core.posterior.run import Posterior
-from study_core.queries import ProposedQuery, infer_posterior, propose_active_query, propose_test_set
-from study_core.session import FeatureLearned, QueryPrepared, phase_of
+from study_core.queries import (
+    ProposedQuery,
+    infer_posterior,
+    propose_active_query,
+    propose_common_query,
+    propose_test_set,
+)
+from study_core.scene import Scene
+from study_core.session import FeatureLearned, QueryPrepared
 from study_core.study import Study, parse_study
 
 CODE_VERSION = version("prefstudy")
@@ -32,16 +40,20 @@ def continue_session(request: Request) -> Continuation:
     if request.needs_posterior:
         known = request.knowledge.add_to(study.domain, request.comparisons, request.compared)
         posterior = infer_posterior(study, request.participant, request.query_index, known)
-    proposed = request.test_query or _propose(study, request, posterior)
-    clips = clip_digests(study.domain, proposed.query)
+    slot = plan_of(study, request.participant).slots[request.query_index]
+    proposed = request.given_query or _propose(study, request, slot, posterior)
+    clips = clip_digests(study.domain, proposed.query, slot.first_shown)
     compute_ms = 1000.0 * (time.perf_counter() - started)
     prepared = QueryPrepared(
         request.query_index,
-        phase_of(study, request.query_index),
+        slot.phase,
         proposed,
         clips,
         CODE_VERSION,
         compute_ms,
+        slot.first_shown,
+        slot.repeat_of,
+        slot.instructed,
     )
     return Continuation(prepared, posterior, request.learned)
 
@@ -57,7 +69,9 @@ def learn(request: FeatureRequest) -> FeatureLearned:
     return FeatureLearned(request.query_index, request.n_queries, feature, CODE_VERSION)
 
 
-def _propose(study: Study, request: Request, posterior: Posterior | None) -> ProposedQuery:
+def _propose(study: Study, request: Request, slot: Slot, posterior: Posterior | None) -> ProposedQuery:
+    if slot.phase is not Phase.ACTIVE:
+        return propose_common_query(study, slot.phase.value, slot.number)
     assert posterior is not None, "an active query is chosen from a posterior"
     return propose_active_query(study, request.participant, request.query_index, posterior)
 
@@ -67,16 +81,23 @@ def test_set(study_text: str) -> tuple[ProposedQuery, ...]:
     return propose_test_set(parse_study(study_text))
 
 
-def clip_digests(domain: Domain, query: Query) -> dict[str, str]:
+def clip_digests(domain: Domain, query: Query, first_shown: Choice) -> dict[str, str]:
     """Returns the SHA-256 of the clip that shows a query, in each layout."""
+    first, second = scenes(domain, query, first_shown)
+    return {layout.value: hashlib.sha256(build_clip(first, second, layout)).hexdigest() for layout in Layout}
+
+
+def scenes(domain: Domain, query: Query, first_shown: Choice) -> tuple[Scene, Scene]:
+    """Returns what stands in the first position on the screen, and in the second."""
     a, b = domain.scene(query.controls_a), domain.scene(query.controls_b)
-    return {layout.value: hashlib.sha256(build_clip(a, b, layout)).hexdigest() for layout in Layout}
+    return (a, b) if first_shown is Choice.A else (b, a)
 
 
 def warm_up(study_text: str) -> None:
     """Compiles every kernel that a session of the study uses, before the first person arrives."""
     study = parse_study(study_text)
     empty = ComparisonSet.empty(len(study.domain.feature_names))
-    first = continue_session(Request(study_text, 0, 0, empty, True, None))
+    index = plan_of(study, 0).index_of_active(0)
+    first = continue_session(Request(study_text, 0, index, empty, True, None))
     once = empty.append(first.prepared.proposed.query, Choice.A)
-    continue_session(Request(study_text, 0, 1, once, True, None))
+    continue_session(Request(study_text, 0, index, once, True, None))

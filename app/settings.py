@@ -31,7 +31,7 @@ def find_study(name_or_path: str) -> Study:
                 f"Give a path, or one of: {', '.join(shipped)}."
             )
         path = STUDIES / f"{name_or_path}.toml"
-    return read_study(path)
+    return read_study(path, library=STATIC)
 
 
 def with_method(study: Study, method: str) -> Study:

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import uvicorn
 
-from app.continuation import continue_session, learn, test_set, warm_up
+from app.continuation import continue_session, learn, scenes, test_set, warm_up
 from app.engine.dask_engine import DaskEngine
 from app.engine.on_demand import InlineEngine, OnDemandEngine
 from app.errors import AppError
@@ -25,6 +25,7 @@ from app.services import study as services
 from app.services.continuation import Engine
 from app.services.population import PopulationTrainer
 from app.services.runtime import Runtime
+from app.services.shown import shown
 from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
@@ -221,11 +222,10 @@ def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
 
 def _picture(runtime: Runtime, session_id: str) -> Picture | None:
     """Returns what a session's stage should show."""
-    found = services.current_query(runtime, session_id)
+    found = shown(runtime, session_id)
     if found is None:
         return None
-    study, query_index, query = found
-    return Picture(query_index, study.domain.scene(query.controls_a), study.domain.scene(query.controls_b))
+    return Picture(found.key, *scenes(found.domain, found.query, found.first_shown))
 
 
 class _Server(uvicorn.Server):

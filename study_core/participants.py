@@ -24,7 +24,7 @@ class Habits:
     Attributes:
         drift_rad: Root mean square of the angle, in radians, by which the direction of w moves from one query to the
             next; 0 for a person of firm taste.
-        side_bias: Added to the log-odds of A; positive for somebody drawn to A's side of the screen.
+        side_bias: Added to the log-odds of what is in the first position; positive for somebody drawn to that.
         unsure_rate: Share of queries that they don't answer whatever is shown, by any of the answers that say
             nothing, where the study offers one; in [0, 1].
         hidden_feature: One of the domain's rich features that their reward has besides the hand-coded ones; None for
@@ -91,12 +91,13 @@ class SimulatedPerson:
         hidden = 0.0 if self.hidden is None else self.hidden.reward_diff(query)
         return float(query.feature_diff @ self.weights) + hidden
 
-    def probabilities(self, query: Query) -> dict[Choice, float]:
+    def probabilities(self, query: Query, first_shown: Choice = Choice.A) -> dict[Choice, float]:
         """Returns how likely each offered answer is; together 1.
 
-        A side bias b shifts u = beta (R_A - R_B) to u + b.
+        A side bias b shifts u = beta (R_A - R_B) to u + b where A is in the first position, to u - b where B is.
         """
-        shift = self.habits.side_bias / self.parameters.rationality
+        side = 1.0 if first_shown is Choice.A else -1.0
+        shift = side * self.habits.side_bias / self.parameters.rationality
         reward_diffs = self.reward_diff(query) + shift
         silent = [choice for choice in self.answers if not choice.is_informative]
         unsure_rate = self.habits.unsure_rate if silent else 0.0
@@ -107,9 +108,9 @@ class SimulatedPerson:
             for choice in self.answers
         }
 
-    def choose(self, rng: np.random.Generator, query: Query) -> Choice:
+    def choose(self, rng: np.random.Generator, query: Query, first_shown: Choice = Choice.A) -> Choice:
         """Returns an answer, drawn by `probabilities`."""
-        probabilities = self.probabilities(query)
+        probabilities = self.probabilities(query, first_shown)
         place = np.searchsorted(np.cumsum(list(probabilities.values())), rng.random(), side="right")
         # The sum may fall short of 1 by a rounding.
         return self.answers[min(int(place), len(self.answers) - 1)]

@@ -7,30 +7,27 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float
 
+from study_core.comparison import Choice, Query
 from study_core.domain import Domain
+from study_core.plan import Phase
 from study_core.predictors.predictor import Pairs
-from study_core.session import AnswerGiven, QueryPrepared
+from study_core.session import AnswerGiven, AnswerTakenBack, Event, QueryPrepared
 
 
 def preferences(
-    domain: Domain, prepared: Iterable[QueryPrepared], answers: Iterable[AnswerGiven]
+    domain: Domain, events: Iterable[Event], phase: Phase
 ) -> tuple[Pairs, Float[np.ndarray, " n"]]:
     """Returns the pairs of which one was preferred, in the order they were asked, and what was preferred.
 
     Args:
         domain: Whose trajectories were compared.
-        prepared: Queries.
-        answers: To the first of them, in their order; those that prefer neither are left out.
+        events: A log, or its part that has the answers wanted.
+        phase: Answers to other queries are left out, and so are those that prefer neither.
 
     Returns:
         The n pairs, and +1 where A was preferred, -1 where B was.
     """
-    preferred = [
-        (query.proposed.query, given.choice.sign)
-        # The last query may still wait for its answer.
-        for query, given in zip(prepared, answers, strict=False)
-        if given.choice.sign != 0.0
-    ]
+    preferred = [(query, choice.sign) for query, choice in _answered(events, phase) if choice.sign != 0.0]
     n_controls = len(domain.control_lower)
     controls_a, controls_b = (
         np.array([getattr(query, side) for query, _ in preferred]).reshape(-1, n_controls)
@@ -38,3 +35,17 @@ def preferences(
     )
     signs = np.array([sign for _, sign in preferred], dtype=np.float64)
     return Pairs(domain.rollout(controls_a), domain.rollout(controls_b)), signs
+
+
+def _answered(events: Iterable[Event], phase: Phase) -> list[tuple[Query, Choice]]:
+    """Returns the queries of a phase with the answers that were not taken back."""
+    queries: dict[int, Query] = {}
+    choices: dict[int, Choice] = {}
+    for event in events:
+        if isinstance(event, QueryPrepared) and event.phase is phase:
+            queries[event.query_index] = event.proposed.query
+        elif isinstance(event, AnswerGiven):
+            choices[event.query_index] = event.choice
+        elif isinstance(event, AnswerTakenBack):
+            choices.pop(event.query_index, None)
+    return [(queries[index], choices[index]) for index in sorted(queries) if index in choices]

@@ -15,9 +15,10 @@ from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.domains.driving import DRIVING_V1
 from study_core.domains.driving.recover import recover_controls
 from study_core.errors import NotATrajectoryError, PublishedDataError
+from study_core.plan import Phase
 from study_core.published import PublishedPerson, read_person
 from study_core.queries import Imported, ProposedQuery
-from study_core.session import AnswerGiven, Event, Phase, QueryPrepared, SessionBegun, reduce
+from study_core.session import AnswerGiven, Event, QueryPrepared, SessionBegun, reduce
 from study_core.study import Study, parse_study
 
 STUDY_NAME = "katz2021-published"
@@ -87,7 +88,7 @@ def read_session(train_path: Path, test_path: Path, protocol: Study, code_versio
     events: list[Event] = [SessionBegun(f"{PARTICIPANT_PREFIX}{person.number}")]
     for index, (proposed, choice) in enumerate((*active, *test)):
         phase = Phase.ACTIVE if index < len(active) else Phase.TEST
-        events.append(QueryPrepared(index, phase, proposed, {}, code_version, None))
+        events.append(QueryPrepared(index, phase, proposed, {}, code_version, None, None))
         events.append(AnswerGiven(index, choice, None))
     reduce(study, events)
     return PublishedSession(

@@ -38,8 +38,8 @@ class Provenance:
         study_hash: Of the study file.
         seed: The study's.
         stream: Names of the random streams, after the purpose.
-        method: Acquisition method; `test-set`; or `prior` where no pair that the method tried looked different, and
-            random weights from the prior took their place.
+        method: Acquisition method; `test-set`, `practice` or `check`; or `prior` where no pair that the method tried
+            looked different, and random weights from the prior took their place.
         versions: Ids of domain, sampler, optimiser and, for an active query, acquisition method.
         bank_digest: SHA-256 of the bank of local optima, if the study uses one.
         weights_a: The w that trajectory A is best for, locally at least, a learned feature's weight last; None if the
@@ -157,12 +157,25 @@ def propose_active_query(
 
 def propose_test_set(study: Study) -> tuple[ProposedQuery, ...]:
     """Returns the common test queries: best drives for random pairs of w from the prior, the same for everyone."""
-    return tuple(_propose_test_query(study, index) for index in range(study.protocol.test_queries))
+    return tuple(
+        _propose_common("test-weights", "test-set", study, i) for i in range(study.protocol.test_queries)
+    )
 
 
-def _propose_test_query(study: Study, index: int) -> ProposedQuery:
-    pairs = _random_weights(study, stream(study.seed, "test-weights", index))
-    return _first_distinct(study, ("test-set", index), (), (_Ranking("test-set", pairs),))
+def propose_common_query(study: Study, purpose: str, number: int) -> ProposedQuery:
+    """Returns a query that is the same for everyone and isn't of the test set: for practice, or for a check.
+
+    Args:
+        study: The study.
+        purpose: Names the random streams.
+        number: Of the query among those of its purpose, from 0.
+    """
+    return _propose_common(f"{purpose}-weights", purpose, study, number)
+
+
+def _propose_common(weights_stream: str, purpose: str, study: Study, number: int) -> ProposedQuery:
+    pairs = _random_weights(study, stream(study.seed, weights_stream, number))
+    return _first_distinct(study, (purpose, number), (), (_Ranking(purpose, pairs),))
 
 
 def _random_weights(study: Study, rng: np.random.Generator) -> RankedWeights:

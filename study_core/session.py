@@ -7,8 +7,9 @@ results.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +17,32 @@ from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.errors import AnswerNotCurrentError, SessionError
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.feature import Compared, LearnedFeature
-from study_core.online.schedule import FEWEST_ANSWERS, n_learned_from
+from study_core.online.schedule import FEWEST_ANSWERS, LEAD, n_learned_from
+from study_core.path import ConsentStep, Ending, PracticeStep, QueriesStep, QuestionnaireStep, Step
+from study_core.plan import Phase, Plan, Position, plan_of
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Participant, ProposedQuery
 from study_core.study import Study
 
+MOST_CONFIDENT = 5
+"""Confidence goes from 1, a guess, to this."""
 
-class Phase(StrEnum):
-    """What a query is for."""
 
-    ACTIVE = "active"
-    TEST = "test"
+class StepOutcome(StrEnum):
+    """What became of a step of the path."""
+
+    DONE = "done"
+    AGAIN = "again"
+    DECLINED = "declined"
+    FAILED = "failed"
+    SCREENED_OUT = "screened-out"
+
+
+_ENDING_OF = {
+    StepOutcome.DECLINED: Ending.DECLINED,
+    StepOutcome.FAILED: Ending.FAILED,
+    StepOutcome.SCREENED_OUT: Ending.SCREENED_OUT,
+}
 
 
 @dataclass(frozen=True)
@@ -42,6 +58,39 @@ class SessionBegun:
 
 
 @dataclass(frozen=True)
+class LanguageChosen:
+    """From here on the person reads the study in that language."""
+
+    language: str
+
+
+@dataclass(frozen=True)
+class StepTaken:
+    """The person has been through a step of the path that isn't queries, or has tried to.
+
+    Attributes:
+        step: Its place in the path, from 0.
+        outcome: `again` leaves the person where they are, for another try.
+        content: What they answered, and what exactly they had read.
+    """
+
+    step: int
+    outcome: StepOutcome
+    content: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class BreakTaken:
+    """The person goes on after a break.
+
+    Attributes:
+        query_index: The query before which the break was.
+    """
+
+    query_index: int
+
+
+@dataclass(frozen=True)
 class QueryPrepared:
     """A query is ready to be shown.
 
@@ -52,6 +101,9 @@ class QueryPrepared:
         clips: SHA-256 of the clip in each picture layout: what exactly is shown.
         code_version: Version of prefstudy that computed or imported it.
         compute_ms: What it cost, one core; None for an imported query.
+        first_shown: The trajectory in the first position on the screen; None where nobody wrote it down.
+        repeat_of: Index of the query that this one asks again.
+        instructed: What a check tells the person to choose.
     """
 
     query_index: int
@@ -60,6 +112,9 @@ class QueryPrepared:
     clips: dict[str, str]
     code_version: str
     compute_ms: float | None
+    first_shown: Choice | None
+    repeat_of: int | None = None
+    instructed: Position | None = None
 
 
 @dataclass(frozen=True)
@@ -70,11 +125,31 @@ class AnswerGiven:
         query_index: The query that was answered.
         choice: One that the study offers.
         response_time_ms: As measured in the browser; None for an imported answer whose time nobody wrote down.
+        confidence: How sure the person is, from 1 to 5, where the study asks it.
     """
 
     query_index: int
     choice: Choice
     response_time_ms: int | None
+    confidence: int | None = None
+
+
+@dataclass(frozen=True)
+class AnswerTakenBack:
+    """The person answers the last query again.
+
+    Attributes:
+        query_index: That query.
+    """
+
+    query_index: int
+
+
+@dataclass(frozen=True)
+class SessionEnded:
+    """The session is over before its path is: the person has stopped, or was away for too long."""
+
+    ending: Ending
 
 
 @dataclass(frozen=True)
@@ -111,14 +186,40 @@ class FeatureLearned:
     code_version: str
 
 
-Event = SessionBegun | PopulationAdopted | FeatureLearned | QueryPrepared | AnswerGiven
+Event = (
+    SessionBegun
+    | LanguageChosen
+    | StepTaken
+    | BreakTaken
+    | PopulationAdopted
+    | FeatureLearned
+    | QueryPrepared
+    | AnswerGiven
+    | AnswerTakenBack
+    | SessionEnded
+)
+
+
+@dataclass(frozen=True)
+class FeatureDue:
+    """A feature that is to be learned.
+
+    Attributes:
+        n_queries: From the answers to so many first queries.
+        query_index: The first query that is chosen with it.
+    """
+
+    n_queries: int
+    query_index: int
 
 
 class Action(StrEnum):
     """What has to happen next."""
 
     WELCOME = "welcome"
+    STEP = "step"
     PREPARE = "prepare"
+    BREAK = "break"
     ASK = "ask"
     FINISHED = "finished"
 
@@ -131,10 +232,17 @@ class SessionState:
         n_events: Length of the log.
         participant: Names the session's random streams; None on the welcome page.
         prepared: Queries so far, by query index.
-        answers: Answers so far, by query index.
+        answers: Answers so far, by query index; what was taken back isn't among them.
         comparisons: The answers that inform the posterior, in the hand-coded features.
         knowledge: What else does.
         n_queries_learned: The last feature was learned from the answers to so many first queries; 0 before that.
+        language: In which the person reads; None for the study's default.
+        step: Place in the path, from 0.
+        n_tries: How often the step's check was tried without success.
+        taken: What was said in the steps so far.
+        last_break: The query before which the last break was; 0 before the first.
+        ending: How the session ended; None while it goes on.
+        before_answer: The state before the last answer, as long as that can be taken back.
     """
 
     n_events: int
@@ -144,6 +252,13 @@ class SessionState:
     comparisons: ComparisonSet
     knowledge: Knowledge = NOTHING
     n_queries_learned: int = 0
+    language: str | None = None
+    step: int = 0
+    n_tries: int = 0
+    taken: tuple[StepTaken, ...] = ()
+    last_break: int = 0
+    ending: Ending | None = None
+    before_answer: SessionState | None = None
 
     @property
     def query_index(self) -> int:
@@ -156,18 +271,51 @@ class SessionState:
         return self.prepared[-1] if len(self.prepared) > len(self.answers) else None
 
 
-def phase_of(study: Study, query_index: int) -> Phase:
-    """Returns the phase that a query index belongs to: active queries come first."""
-    return Phase.ACTIVE if query_index < study.protocol.active_queries else Phase.TEST
+def session_plan(study: Study, state: SessionState) -> Plan:
+    """Returns the plan of a session that has begun."""
+    assert state.participant is not None, "a session that has not begun has no plan"
+    return plan_of(study, state.participant)
+
+
+def current_step(study: Study, state: SessionState) -> Step | None:
+    """Returns the step of the path that the person is at; None when the session is over or not begun."""
+    is_on_the_way = state.participant is not None and state.ending is None
+    return study.file.path[state.step] if is_on_the_way else None
+
+
+def _is_asking(study: Study, state: SessionState) -> bool:
+    """Returns whether the step being taken has a query left."""
+    step = current_step(study, state)
+    if isinstance(step, PracticeStep):
+        return state.query_index < study.n_practice
+    return isinstance(step, QueriesStep) and state.query_index < study.n_queries
+
+
+def _is_break_due(study: Study, state: SessionState) -> bool:
+    step = current_step(study, state)
+    if not isinstance(step, QueriesStep) or step.break_every is None:
+        return False
+    n_answered = state.query_index - study.n_practice
+    is_due = n_answered > 0 and n_answered % step.break_every == 0
+    return is_due and state.query_index > state.last_break
+
+
+def needs_query(study: Study, state: SessionState) -> bool:
+    """Returns whether the session can't go on without a query that isn't prepared yet; so it may be in a break."""
+    return _is_asking(study, state) and state.current is None
 
 
 def next_action(study: Study, state: SessionState) -> Action:
     """Returns what has to happen next."""
-    if state.participant is None:
+    if state.participant is None and state.ending is None:
         return Action.WELCOME
-    if state.current is not None:
-        return Action.ASK
-    return Action.PREPARE if state.query_index < study.protocol.n_queries else Action.FINISHED
+    if state.ending is not None:
+        return Action.FINISHED
+    if not _is_asking(study, state):
+        return Action.STEP
+    if _is_break_due(study, state):
+        return Action.BREAK
+    return Action.PREPARE if state.current is None else Action.ASK
 
 
 def initial_state(study: Study) -> SessionState:
@@ -195,13 +343,25 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
         AnswerNotCurrentError: An answer to another query than the one being asked.
     """
     state = replace(state, n_events=state.n_events + 1)
+    if state.ending is not None:
+        raise SessionError(f"Expected a session that goes on; this one has ended: {state.ending}.")
     if isinstance(event, SessionBegun):
         return _begin(state, event)
+    if isinstance(event, LanguageChosen):
+        return _choose_language(study, state, event)
+    if isinstance(event, StepTaken):
+        return _take_step(study, state, event)
+    if isinstance(event, BreakTaken):
+        return _take_break(study, state, event)
     if isinstance(event, (PopulationAdopted, FeatureLearned)):
         return _learn(study, state, event)
     if isinstance(event, QueryPrepared):
         return _prepare(study, state, event)
-    return _answer(study, state, event)
+    if isinstance(event, AnswerGiven):
+        return _answer(study, state, event)
+    if isinstance(event, AnswerTakenBack):
+        return _take_back(study, state, event)
+    return replace(state, ending=event.ending)
 
 
 def _begin(state: SessionState, event: SessionBegun) -> SessionState:
@@ -210,8 +370,54 @@ def _begin(state: SessionState, event: SessionBegun) -> SessionState:
     return replace(state, participant=event.participant)
 
 
+def _choose_language(study: Study, state: SessionState, event: LanguageChosen) -> SessionState:
+    if event.language not in study.languages:
+        raise SessionError(f"Expected {' or '.join(study.languages)}, got the language '{event.language}'.")
+    return replace(state, language=event.language)
+
+
+def _take_step(study: Study, state: SessionState, event: StepTaken) -> SessionState:
+    if next_action(study, state) is not Action.STEP or event.step != state.step:
+        raise SessionError(
+            f"Expected what follows step {state.step} of the path; got step {event.step}. Show the current page."
+        )
+    if event.outcome not in outcomes_of(study.file.path[state.step], state.n_tries):
+        raise SessionError(f"Expected an outcome that step {event.step} can have, got '{event.outcome}'.")
+    state = replace(state, taken=(*state.taken, event), before_answer=None)
+    if event.outcome is StepOutcome.AGAIN:
+        return replace(state, n_tries=state.n_tries + 1)
+    if event.outcome in _ENDING_OF:
+        return replace(state, ending=_ENDING_OF[event.outcome])
+    return _go_on(study, state)
+
+
+def outcomes_of(step: Step, n_tries: int) -> tuple[StepOutcome, ...]:
+    """Returns what can become of a step that was tried so often before."""
+    if isinstance(step, ConsentStep):
+        return (StepOutcome.DONE, StepOutcome.DECLINED)
+    if isinstance(step, PracticeStep):
+        is_last_chance = n_tries + 1 >= step.chances
+        return (StepOutcome.DONE, StepOutcome.FAILED if is_last_chance else StepOutcome.AGAIN)
+    if isinstance(step, QuestionnaireStep):
+        return (StepOutcome.DONE, StepOutcome.SCREENED_OUT)
+    return (StepOutcome.DONE,)
+
+
+def _go_on(study: Study, state: SessionState) -> SessionState:
+    """Returns the state at the next step, or at the end of the path."""
+    state = replace(state, step=state.step + 1, n_tries=0)
+    is_over = state.step == len(study.file.path)
+    return replace(state, ending=Ending.COMPLETED) if is_over else state
+
+
+def _take_break(study: Study, state: SessionState, event: BreakTaken) -> SessionState:
+    if next_action(study, state) is not Action.BREAK or event.query_index != state.query_index:
+        raise SessionError(f"Expected a break before query {event.query_index}; there is none.")
+    return replace(state, last_break=event.query_index)
+
+
 def _learn(study: Study, state: SessionState, event: PopulationAdopted | FeatureLearned) -> SessionState:
-    if next_action(study, state) is not Action.PREPARE or event.query_index != state.query_index:
+    if not needs_query(study, state) or event.query_index != state.query_index:
         raise SessionError(
             f"Expected something learned before query {state.query_index} is prepared, got it for query "
             f"{event.query_index}."
@@ -224,12 +430,12 @@ def _learn(study: Study, state: SessionState, event: PopulationAdopted | Feature
 
 
 def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> SessionState:
-    if next_action(study, state) is not Action.PREPARE or event.query_index != state.query_index:
+    if not needs_query(study, state) or event.query_index != state.query_index:
         raise SessionError(
-            f"Expected query {state.query_index} of {study.protocol.n_queries} after its predecessor's answer; "
+            f"Expected query {state.query_index} of {study.n_queries} after its predecessor's answer; "
             f"got query {event.query_index}."
         )
-    phase = phase_of(study, event.query_index)
+    phase = session_plan(study, state).slots[event.query_index].phase
     if event.phase is not phase:
         raise SessionError(
             f"Expected query {event.query_index} in the {phase} phase, got {event.phase}. Prepare it for that phase."
@@ -239,18 +445,39 @@ def _prepare(study: Study, state: SessionState, event: QueryPrepared) -> Session
 
 def _answer(study: Study, state: SessionState, event: AnswerGiven) -> SessionState:
     current = state.current
-    if current is None or current.query_index != event.query_index:
-        asked = "none" if current is None else f"query {current.query_index}"
+    is_asked = next_action(study, state) is Action.ASK
+    if current is None or not is_asked or current.query_index != event.query_index:
+        asked = "none" if current is None or not is_asked else f"query {current.query_index}"
         raise AnswerNotCurrentError(
             f"Expected an answer to the current query ({asked}); got query {event.query_index}."
         )
     if event.choice not in study.answers:
         offered = " or ".join(f"'{choice}'" for choice in study.answers)
         raise SessionError(f"Expected {offered}, which the study offers; got '{event.choice}'.")
+    before = replace(state, before_answer=None) if study.file.answering.take_back else None
     comparisons = state.comparisons
     if current.phase is Phase.ACTIVE:
         comparisons = comparisons.append(current.proposed.query, event.choice)
-    return replace(state, answers=(*state.answers, event), comparisons=comparisons)
+    state = replace(state, answers=(*state.answers, event), comparisons=comparisons, before_answer=before)
+    has_more = _is_asking(study, state) or _has_check(current_step(study, state))
+    return state if has_more else _go_on(study, state)
+
+
+def _has_check(step: Step | None) -> bool:
+    return isinstance(step, PracticeStep) and step.check is not None
+
+
+def can_take_back(study: Study, state: SessionState) -> bool:
+    """Returns whether the last answer can be taken back: the study allows it, and nothing has come after it."""
+    before = state.before_answer
+    return before is not None and before.step == state.step and _is_asking(study, state)
+
+
+def _take_back(study: Study, state: SessionState, event: AnswerTakenBack) -> SessionState:
+    before = state.before_answer
+    if before is None or not can_take_back(study, state) or event.query_index != before.query_index:
+        raise SessionError(f"Expected the last answer, and that once; query {event.query_index} isn't it.")
+    return replace(before, n_events=state.n_events, language=state.language, last_break=state.last_break)
 
 
 def compared(state: SessionState, n_queries: int) -> Compared:
@@ -292,15 +519,24 @@ def test_comparisons(study: Study, state: SessionState) -> ComparisonSet:
     return ComparisonSet(np.column_stack([comparisons.feature_diffs, of_a - of_b]), comparisons.signs)
 
 
-def feature_due(study: Study, state: SessionState, query_index: int) -> int:
-    """Returns from the answers to how many first queries a feature is to be learned before a query; 0 if none is."""
+def feature_due(study: Study, state: SessionState, query_index: int) -> FeatureDue | None:
+    """Returns the feature that is to be learned before a query is chosen, if one is."""
     every = study.file.learning.feature_every
-    if every is None:
-        return 0
-    n_queries = n_learned_from(every, study.protocol.active_queries, query_index)
-    n_preferring = sum(given.choice.sign != 0.0 for given in state.answers[:n_queries])
-    is_due = n_queries > state.n_queries_learned and n_preferring >= FEWEST_ANSWERS
-    return n_queries if is_due else 0
+    plan = session_plan(study, state)
+    if every is None or not plan.needs_posterior(query_index):
+        return None
+    n_active = study.protocol.active_queries
+    n_learned = n_learned_from(every, n_active, plan.n_active_before(query_index))
+    if not n_learned:
+        return None
+    due = FeatureDue(plan.index_of_active(n_learned), plan.index_of_active(n_learned + LEAD))
+    n_preferring = sum(
+        given.choice.sign != 0.0
+        for slot, given in zip(plan.slots[: due.n_queries], state.answers, strict=False)
+        if slot.phase is Phase.ACTIVE
+    )
+    is_due = due.n_queries > state.n_queries_learned and n_preferring >= FEWEST_ANSWERS
+    return due if is_due else None
 
 
 def query_of(state: SessionState, query_index: int) -> Query:

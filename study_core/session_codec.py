@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -13,26 +14,38 @@ from study_core.comparison import Choice, Query
 from study_core.errors import CheckpointError, SessionError
 from study_core.networks import checkpoint
 from study_core.online.feature import LearnedFeature
+from study_core.path import Ending
+from study_core.plan import Phase, Position
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Imported, ProposedQuery, Provenance
 from study_core.session import (
     AnswerGiven,
+    AnswerTakenBack,
+    BreakTaken,
     Event,
     FeatureLearned,
-    Phase,
+    LanguageChosen,
     PopulationAdopted,
     QueryPrepared,
     SessionBegun,
+    SessionEnded,
+    StepOutcome,
+    StepTaken,
 )
 
 Json = dict[str, Any]
 
 KINDS: dict[type[Event], str] = {
     SessionBegun: "session_begun",
+    LanguageChosen: "language_chosen",
+    StepTaken: "step_taken",
+    BreakTaken: "break_taken",
     PopulationAdopted: "population_adopted",
     FeatureLearned: "feature_learned",
     QueryPrepared: "query_prepared",
     AnswerGiven: "answer_given",
+    AnswerTakenBack: "answer_taken_back",
+    SessionEnded: "session_ended",
 }
 
 
@@ -47,21 +60,22 @@ def kind_of(event: Event) -> str:
 
 def to_json(event: Event) -> Json:
     """Returns an event's content as JSON values."""
-    if isinstance(event, SessionBegun):
-        return {"participant": event.participant}
     if isinstance(event, PopulationAdopted):
         return _population_to_json(event)
     if isinstance(event, FeatureLearned):
         return _feature_to_json(event)
-    if isinstance(event, AnswerGiven):
-        return {
-            "query_index": event.query_index,
-            "choice": event.choice.value,
-            "response_time_ms": event.response_time_ms,
-        }
+    if isinstance(event, QueryPrepared):
+        return _prepared_to_json(event)
+    return {field.name: getattr(event, field.name) for field in fields(event)}
+
+
+def _prepared_to_json(event: QueryPrepared) -> Json:
     return {
         "query_index": event.query_index,
         "phase": event.phase.value,
+        "first_shown": event.first_shown,
+        "repeat_of": event.repeat_of,
+        "instructed": event.instructed,
         **proposed_to_json(event.proposed),
         "clips": dict(event.clips),
         "code_version": event.code_version,
@@ -75,22 +89,16 @@ def from_json(kind: str, content: Json) -> Event:
     Raises:
         SessionError: No event has that kind, or its content is not what this version writes.
     """
+    if kind not in _READERS:
+        raise SessionError(
+            f"Expected an event of a known kind, got '{kind}'. Install the version that wrote it."
+        )
     try:
-        if kind == "session_begun":
-            return SessionBegun(content["participant"])
-        if kind == "answer_given":
-            return AnswerGiven(content["query_index"], Choice(content["choice"]), content["response_time_ms"])
-        if kind == "population_adopted":
-            return _population_adopted(content)
-        if kind == "feature_learned":
-            return _feature_learned(content)
-        if kind == "query_prepared":
-            return _query_prepared(content)
+        return _READERS[kind](content)
     except (AttributeError, KeyError, ValueError, TypeError, CheckpointError) as error:
         raise SessionError(
             f"A stored event '{kind}' can't be read: {error!r}. Was it written by this version?"
         ) from error
-    raise SessionError(f"Expected an event of a known kind, got '{kind}'. Install the version that wrote it.")
 
 
 def _population_to_json(event: PopulationAdopted) -> Json:
@@ -165,7 +173,40 @@ def _query_prepared(content: Json) -> QueryPrepared:
         dict(content["clips"]),
         content["code_version"],
         content["compute_ms"],
+        # The first sessions ever kept showed A first, and didn't say so.
+        _choice(content.get("first_shown", Choice.A)),
+        content.get("repeat_of"),
+        None if content.get("instructed") is None else Position(content["instructed"]),
     )
+
+
+def _choice(value: str | None) -> Choice | None:
+    return None if value is None else Choice(value)
+
+
+def _answer_given(content: Json) -> AnswerGiven:
+    confidence = content.get("confidence")
+    return AnswerGiven(
+        content["query_index"], Choice(content["choice"]), content["response_time_ms"], confidence
+    )
+
+
+def _step_taken(content: Json) -> StepTaken:
+    return StepTaken(content["step"], StepOutcome(content["outcome"]), dict(content["content"]))
+
+
+_READERS: dict[str, Callable[[Json], Event]] = {
+    "session_begun": lambda content: SessionBegun(content["participant"]),
+    "language_chosen": lambda content: LanguageChosen(content["language"]),
+    "step_taken": _step_taken,
+    "break_taken": lambda content: BreakTaken(content["query_index"]),
+    "population_adopted": _population_adopted,
+    "feature_learned": _feature_learned,
+    "query_prepared": _query_prepared,
+    "answer_given": _answer_given,
+    "answer_taken_back": lambda content: AnswerTakenBack(content["query_index"]),
+    "session_ended": lambda content: SessionEnded(Ending(content["ending"])),
+}
 
 
 def proposed_to_json(proposed: ProposedQuery) -> Json:

@@ -18,10 +18,13 @@ from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.rewards import FEATURE_NAME, rewards_with
+from study_core.path import PracticeStep
 from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
 from study_core.rewards import Rewards
+from study_core.section import words_in
 from study_core.study_file import ProtocolSection, StudyFile, explain
+from study_core.study_folder import with_its_folder
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,39 @@ class Study:
     def protocol(self) -> ProtocolSection:
         """Returns the numbers of queries."""
         return self.file.protocol
+
+    @property
+    def languages(self) -> tuple[str, ...]:
+        """Returns the codes of the languages it can be taken in, the default first."""
+        return self.file.languages
+
+    def title(self, language: str) -> str:
+        """Returns its title in one of its languages."""
+        return words_in(self.file.title, language)
+
+    def text_named(self, name: str, language: str) -> str:
+        """Returns a text in one of its languages."""
+        return words_in(self.file.text[name], language)
+
+    def text_hash(self, name: str, language: str) -> str:
+        """Returns the SHA-256 of a text in one of its languages, in hex."""
+        return hashlib.sha256(self.text_named(name, language).encode()).hexdigest()
+
+    @cached_property
+    def n_practice(self) -> int:
+        """Returns how many queries are for practice; they come first."""
+        return sum(step.queries for step in self.file.path if isinstance(step, PracticeStep))
+
+    @property
+    def first_test(self) -> int:
+        """Returns the index of the first common test query, all of which come last."""
+        protocol = self.protocol
+        return self.n_practice + protocol.active_queries + protocol.repeats + protocol.checks
+
+    @property
+    def n_queries(self) -> int:
+        """Returns how many queries a session has, of all kinds."""
+        return self.first_test + self.protocol.test_queries
 
     @cached_property
     def domain(self) -> Domain:
@@ -145,8 +181,12 @@ def parse_study(text: str, source: str = "study file") -> Study:
     return study
 
 
-def read_study(path: Path) -> Study:
-    """Returns the study in a file.
+def read_study(path: Path, library: Path | None = None) -> Study:
+    """Returns the study in a file, with what its folder or the library adds to it.
+
+    Args:
+        path: Of the TOML file; see `study_folder` for what stands beside it.
+        library: Folder of ready texts and questionnaires.
 
     Raises:
         StudyError: The file can't be read or isn't a study.
@@ -157,4 +197,4 @@ def read_study(path: Path) -> Study:
         raise StudyError(
             f"Can't read the study file {path}: {error}. Give the path of a TOML file."
         ) from error
-    return parse_study(text, source=str(path))
+    return parse_study(with_its_folder(text, path.with_suffix(""), library), source=str(path))

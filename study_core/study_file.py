@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import (
+    AwareDatetime,
     BaseModel,
-    ConfigDict,
     Discriminator,
     Field,
     Tag,
@@ -17,6 +18,17 @@ from pydantic import (
 )
 
 from study_core.online.schedule import FEWEST_ANSWERS, LEAD
+from study_core.path import (
+    QUERIES_ALONE,
+    Ending,
+    EndingSection,
+    Item,
+    Path,
+    PracticeStep,
+    questionnaire_of,
+    text_of,
+)
+from study_core.section import Language, Name, Section, Words
 
 # Products of a few probabilities as small as this are still numbers.
 _SMALLEST_LAPSE_RATE = 1e-9
@@ -26,38 +38,30 @@ AnswerName = Literal["a", "b", "same", "unsure", "skip"]
 
 def _kind_of_setting(value: object) -> str:
     """Returns how a setting that may be a number or a word is to be read, so that errors speak of that alone."""
-    return "word" if isinstance(value, str) else "number"
+    return "<word>" if isinstance(value, str) else "<number>"
 
 
 Rationality = Annotated[
-    Annotated[float, Field(ge=1e-6, le=1e6), Tag("number")]
-    | Annotated[Literal["inferred", "evidence"], Tag("word")],
+    Annotated[float, Field(ge=1e-6, le=1e6), Tag("<number>")]
+    | Annotated[Literal["inferred", "evidence"], Tag("<word>")],
     Discriminator(_kind_of_setting),
 ]
 LapseRate = Annotated[
-    Annotated[float, Field(ge=0, le=0.999), Tag("number")]
-    | Annotated[Literal["inferred", "evidence"], Tag("word")],
+    Annotated[float, Field(ge=0, le=0.999), Tag("<number>")]
+    | Annotated[Literal["inferred", "evidence"], Tag("<word>")],
     Discriminator(_kind_of_setting),
 ]
 TieThreshold = Annotated[
-    Annotated[float, Field(ge=1e-3, le=50), Tag("number")] | Annotated[Literal["inferred"], Tag("word")],
+    Annotated[float, Field(ge=1e-3, le=50), Tag("<number>")] | Annotated[Literal["inferred"], Tag("<word>")],
     Discriminator(_kind_of_setting),
 ]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+REQUIRED_TEXTS = ("welcome", "question", "thanks")
+"""What every study says: on its first page, above every pair, at the end."""
 
 
-class TextSection(_Section):
-    """What the participant reads."""
-
-    welcome: str = Field(description="First page, plain paragraphs separated by empty lines.")
-    question: str = Field(description="Above every pair.")
-    thanks: str = Field(description="Last page.")
-
-
-class ProtocolSection(_Section):
+class ProtocolSection(Section):
     """How many queries."""
 
     active_queries: int = Field(
@@ -66,14 +70,27 @@ class ProtocolSection(_Section):
     test_queries: int = Field(
         ge=0, le=10_000, description="Common queries, the same for everyone, kept out of the posterior."
     )
+    repeats: int = Field(
+        0,
+        ge=0,
+        description="Active queries that are asked once more with swapped sides, out of the posterior.",
+    )
+    checks: int = Field(
+        0, ge=0, description="Queries that say which side to choose, to see whether they are read."
+    )
 
-    @property
-    def n_queries(self) -> int:
-        """Returns how many queries a session has."""
-        return self.active_queries + self.test_queries
+    @model_validator(mode="after")
+    def _extra_queries_have_room(self) -> ProtocolSection:
+        most = self.active_queries // 2
+        for name in ("repeats", "checks"):
+            if getattr(self, name) > most:
+                raise ValueError(
+                    f"{name} can be at most half of active_queries, {most}; got {getattr(self, name)}"
+                )
+        return self
 
 
-class ResponseSection(_Section):
+class ResponseSection(Section):
     """How people are assumed to answer."""
 
     model: Literal["sigmoid", "clipped-linear"]
@@ -90,11 +107,6 @@ class ResponseSection(_Section):
     tie_threshold: TieThreshold | None = Field(
         None, description="eta of `same`, in units of beta times reward: a number or `inferred`."
     )
-
-    @field_validator("answers", mode="before")
-    @classmethod
-    def _list_is_tuple(cls, value: object) -> object:
-        return tuple(value) if isinstance(value, list) else value
 
     @field_validator("answers")
     @classmethod
@@ -132,13 +144,13 @@ class ResponseSection(_Section):
         return self
 
 
-class PriorSection(_Section):
+class PriorSection(Section):
     """Where the weights may lie."""
 
     support: Literal["ball", "sphere"]
 
 
-class SamplerSection(_Section):
+class SamplerSection(Section):
     """How much the posterior draws."""
 
     samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
@@ -160,7 +172,7 @@ class SamplerSection(_Section):
         return self
 
 
-class AcquisitionSection(_Section):
+class AcquisitionSection(Section):
     """How the next pair is chosen."""
 
     method: str
@@ -170,7 +182,7 @@ class AcquisitionSection(_Section):
     )
 
 
-class TrajectorySection(_Section):
+class TrajectorySection(Section):
     """How the best trajectory for a reward is found."""
 
     search: Literal["starts", "bank"] = Field(
@@ -187,7 +199,7 @@ class TrajectorySection(_Section):
         return self
 
 
-class LearningSection(_Section):
+class LearningSection(Section):
     """What a session may know beyond its hand-coded features and its own answers."""
 
     people_before: bool = Field(
@@ -209,14 +221,54 @@ class LearningSection(_Section):
         return self
 
 
-class StudyFile(_Section):
+class AnsweringSection(Section):
+    """How an answer is given."""
+
+    confidence: bool = Field(False, description="Asks how sure the person is, from 1 to 5.")
+    watch_once: bool = Field(False, description="Both drives must have been shown to the end once.")
+    take_back: bool = Field(False, description="The last answer can be taken back until the next one.")
+
+
+class RecruitmentSection(Section):
+    """Who can join when; nobody who is in a session is sent away by it."""
+
+    opens: AwareDatetime | None = Field(
+        None, description="With its offset, such as 2026-12-01T09:00:00+01:00."
+    )
+    closes: AwareDatetime | None = None
+    places: int | None = Field(None, ge=1, description="Completed sessions wanted.")
+
+    @model_validator(mode="after")
+    def _opens_before_it_closes(self) -> RecruitmentSection:
+        if self.opens is not None and self.closes is not None and self.opens >= self.closes:
+            raise ValueError("closes must be later than opens")
+        return self
+
+
+class SessionSection(Section):
+    """How long a session can be resumed."""
+
+    max_age_hours: float | None = Field(None, gt=0, description="From its beginning; for ever without it.")
+    when_old: Literal["restart", "end"] = Field(
+        "end", description="What happens to somebody who comes back later than that."
+    )
+
+
+class StudyFile(Section):
     """The whole file."""
 
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$", description="Used in links and file names.")
-    title: str
+    name: Name = Field(description="Used in links and file names.")
+    title: Words
     seed: int = Field(ge=0)
     domain: str
-    text: TextSection
+    languages: tuple[Language, ...] = Field(("en",), min_length=1, description="The first is the default.")
+    text: dict[str, Words] = Field(description="What the participant reads, by name; Markdown.")
+    path: Path = QUERIES_ALONE
+    questionnaire: dict[str, Annotated[tuple[Item, ...], Field(min_length=1, strict=False)]] = Field({})
+    endings: dict[str, EndingSection] = Field({})
+    answering: AnsweringSection = AnsweringSection()
+    recruitment: RecruitmentSection = RecruitmentSection()
+    session: SessionSection = SessionSection()
     protocol: ProtocolSection
     response: ResponseSection
     prior: PriorSection
@@ -224,6 +276,75 @@ class StudyFile(_Section):
     acquisition: AcquisitionSection
     trajectory: TrajectorySection
     learning: LearningSection = LearningSection()
+
+    @field_validator("path")
+    @classmethod
+    def _path_has_an_order(cls, path: Path) -> Path:
+        kinds = [step.step for step in path]
+        if kinds.count("queries") != 1:
+            raise ValueError('path must have exactly one step "queries"')
+        if kinds.count("practice") > 1 or "practice" in kinds[kinds.index("queries") :]:
+            raise ValueError('path can have one step "practice", before "queries"')
+        if kinds.count("consent") > 1 or ("consent" in kinds and kinds[0] != "consent"):
+            raise ValueError('path can have one step "consent", and it comes first')
+        return path
+
+    @field_validator("questionnaire")
+    @classmethod
+    def _items_have_names_of_their_own(
+        cls, questionnaires: dict[str, tuple[Item, ...]]
+    ) -> dict[str, tuple[Item, ...]]:
+        for name, items in questionnaires.items():
+            names = [item.name for item in items]
+            if len(set(names)) != len(names):
+                raise ValueError(f"the items of '{name}' must have different names")
+        return questionnaires
+
+    @field_validator("endings")
+    @classmethod
+    def _endings_are_known(cls, endings: dict[str, EndingSection]) -> dict[str, EndingSection]:
+        unknown = set(endings) - set(Ending)
+        if unknown:
+            close = difflib.get_close_matches(min(unknown), list(Ending), n=1)
+            hint = f"did you mean '{close[0]}'?" if close else f"expected one of: {', '.join(Ending)}"
+            raise ValueError(f"no ending is called '{min(unknown)}'; {hint}")
+        return endings
+
+    @model_validator(mode="after")
+    def _questionnaires_are_there(self) -> StudyFile:
+        for name in filter(None, map(questionnaire_of, self.path)):
+            if name not in self.questionnaire:
+                raise ValueError(
+                    f"no questionnaire is called '{name}'; add [[questionnaire.{name}]] or the file {name}.toml in "
+                    "the study's folder"
+                )
+        check = next(
+            (step.check for step in self.path if isinstance(step, PracticeStep) and step.check), None
+        )
+        if check and not any(getattr(item, "right", None) is not None for item in self.questionnaire[check]):
+            raise ValueError(
+                f"the check '{check}' needs an item with a right answer; add `right = ...` to one"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _texts_are_there(self) -> StudyFile:
+        for name in needed_texts(self):
+            if name not in self.text:
+                raise ValueError(
+                    f"no text is called '{name}'; add [text.{name}] or files such as "
+                    f"{name}.{self.languages[0]}.md in the study's folder"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _texts_are_in_every_language(self) -> StudyFile:
+        for where, words in _all_words(self):
+            known = self.languages[:1] if isinstance(words, str) else words
+            missing = [language for language in self.languages if language not in known]
+            if missing:
+                raise ValueError(f"'{where}' is missing in {', '.join(missing)}; add it in every language")
+        return self
 
     @model_validator(mode="after")
     def _a_feature_comes_in_time(self) -> StudyFile:
@@ -246,6 +367,27 @@ class StudyFile(_Section):
         return self
 
 
+def needed_texts(file: StudyFile) -> tuple[str, ...]:
+    """Returns the names of all texts that the study shows, each once."""
+    of_steps = [name for name in map(text_of, file.path) if name is not None]
+    of_endings = [ending.text for ending in file.endings.values() if ending.text is not None]
+    return tuple(dict.fromkeys([*REQUIRED_TEXTS, *of_steps, *of_endings]))
+
+
+def _all_words(file: StudyFile) -> Iterator[tuple[str, Words]]:
+    """Gives everything that a participant may read, and where in the file it stands."""
+    yield "title", file.title
+    for name, words in file.text.items():
+        yield f"text.{name}", words
+    for name, items in file.questionnaire.items():
+        for item in items:
+            for key in ("label", "low", "high"):
+                if hasattr(item, key):
+                    yield f"questionnaire.{name}.{item.name}.{key}", getattr(item, key)
+            for option in getattr(item, "options", ()):
+                yield f"questionnaire.{name}.{item.name}.{option.name}", option.label
+
+
 def explain(error: ValidationError) -> str:
     """Returns one line about the first thing that is wrong, and how many more there are."""
     # A misspelt key is also a missing one; its own spelling says more.
@@ -261,9 +403,10 @@ def _explain_one(problem: Any) -> str:
     if not problem["loc"]:
         # About several sections together; the message names their keys.
         return f"{message[0].lower()}{message[1:]}."
-    # What `_kind_of_setting` says isn't a part of the file.
-    *section, key = [part for part in problem["loc"] if part not in ("number", "word")]
-    where = ".".join(str(part) for part in (*section, key))
+    # What stands in angle brackets chose between kinds of a value; it isn't a part of the file.
+    *section, key = problem["loc"]
+    section = [part for part in section if part != "[key]"]
+    where = _where([*section, key])
     if problem["type"] == "extra_forbidden":
         known = _keys_of(section)
         close = difflib.get_close_matches(str(key), known, n=1)
@@ -273,13 +416,39 @@ def _explain_one(problem: Any) -> str:
         return f"key '{where}' is missing; add it."
     line = f"key '{where}': {message[0].lower()}{message[1:]}"
     # What is wrong with several keys together is said in full; the whole section would only hide it.
-    return f"{line}." if isinstance(problem["input"], dict) else f"{line}, got {problem['input']!r}."
+    is_whole = isinstance(problem["input"], (dict, list, tuple, BaseModel))
+    return f"{line}." if is_whole else f"{line}, got {problem['input']!r}."
+
+
+def _is_tag(part: object) -> bool:
+    return isinstance(part, str) and part.startswith("<")
+
+
+def _where(location: list[Any]) -> str:
+    """Returns where something stands in the file; the entries of a list are counted from 1."""
+    parts = [part for part in location if not _is_tag(part) and part != "[key]"]
+    return ".".join(str(part + 1 if isinstance(part, int) else part) for part in parts)
 
 
 def _keys_of(section: list[Any]) -> list[str]:
     """Returns the keys that a section of the file knows."""
-    model: type[BaseModel] = StudyFile
+    kind: Any = StudyFile
     for part in section:
-        annotation: Any = model.model_fields[str(part)].annotation
-        model = annotation
-    return list(model.model_fields)
+        kind = _kind_at(kind, part)
+    return list(_bare(kind).model_fields)
+
+
+def _kind_at(kind: Any, part: Any) -> Any:
+    """Returns the type of a part of a value: of a section's key, of a list's or a table's entry, of a tag's choice."""
+    kind = _bare(kind)
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind.model_fields[str(part)].annotation
+    kinds = get_args(kind)
+    if _is_tag(part):
+        return next(one for one in kinds if Tag(part) in one.__metadata__)
+    return kinds[1] if get_origin(kind) is dict else kinds[0]
+
+
+def _bare(kind: Any) -> Any:
+    """Returns a type without its annotations."""
+    return get_args(kind)[0] if get_origin(kind) is Annotated else kind

@@ -37,7 +37,7 @@ class SentAnswer:
     Attributes:
         token: Whose.
         query_index: The query it answers.
-        choice: `a` or `b`.
+        choice: As the page sends it, such as `first`.
         sent_at: When the request was sent, in seconds of `time.perf_counter`.
         replied_at: When the reply had come.
         next_screen: Kind of the screen in the reply.

@@ -17,7 +17,8 @@ from app.services.runtime import Runtime
 from app.settings import find_study
 from study_core.evaluation.intervals import Mean, mean_over_people
 from study_core.participants import Habits, SimulatedPerson
-from study_core.session import Phase, SessionState
+from study_core.plan import Phase
+from study_core.session import SessionState
 from study_core.study import Study, parse_study
 
 STUDY = "online"
@@ -45,7 +46,7 @@ def run(seed: int, n_people: int, progress: Progress) -> dict[str, Any]:
     with_feature = find_study(STUDY)
     text, _, _ = with_feature.text.partition("\n[learning]")
     arms = {"with": with_feature, "without": parse_study(text)}
-    n_answers = with_feature.protocol.n_queries * n_people * len(arms) * len(TASTES)
+    n_answers = with_feature.n_queries * n_people * len(arms) * len(TASTES)
     task = progress.add_task("sessions", total=n_answers)
     tastes = {}
     for taste, habits in TASTES.items():

@@ -10,6 +10,8 @@ from app.services.tokens import hash_token
 from app.stage.framing import Layout
 from app.store import Store, open_store
 from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.plan import position_of
 from study_core.session import AnswerGiven, QueryPrepared
 
 
@@ -51,17 +53,20 @@ def audit(database: str, diary: Diary) -> Audit:
 
 
 class _Log:
-    """One session's log, by query index."""
+    """One session's log, by query index; choices are as the browser sent them."""
 
     def __init__(self, store: Store, token: str) -> None:
         self.choices: dict[int, list[str]] = defaultdict(list)
         self.clips: dict[int, str] = {}
+        sides: dict[int, Choice | None] = {}
         session = store.session_by_token(hash_token(token))
         for record in store.events(session.id) if session is not None else ():
             event = session_codec.from_json(record.kind, record.payload)
             if isinstance(event, AnswerGiven):
-                self.choices[event.query_index].append(event.choice.value)
+                position = position_of(sides[event.query_index], event.choice)
+                self.choices[event.query_index].append(position or event.choice)
             elif isinstance(event, QueryPrepared):
+                sides[event.query_index] = event.first_shown
                 self.clips[event.query_index] = event.clips[Layout.WIDE.value]
 
 

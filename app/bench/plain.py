@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from app.continuation import clip_digests
-from study_core.comparison import ComparisonSet, Query
+from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.study import Study
 
 N_STEPS = 15_000
@@ -80,7 +80,7 @@ def next_query(rng: np.random.Generator, study: Study, comparisons: ComparisonSe
     driven = time.perf_counter()
     (controls_a, reward_a), (controls_b, reward_b) = drives
     query = Query(controls_a, controls_b, np.array(features(controls_a)), np.array(features(controls_b)))
-    clip_digests(study.domain, query)
+    clip_digests(study.domain, query, Choice.A)
     ended = time.perf_counter()
     milliseconds = {
         "next_query": 1e3 * (ended - began),

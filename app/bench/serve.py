@@ -20,6 +20,7 @@ from app.bench.ledger import audit
 from app.bench.report import BenchError, percentile, provenance
 from app.bench.server import free_database, running_server
 from app.bench.walk import prepare_sessions
+from study_core.plan import Position
 from study_core.streams import stream
 
 _STUDY = "katz2021"
@@ -149,7 +150,7 @@ class _Crowd:
             thinking_s = rng.uniform(*_THINKING_S)
             await asyncio.sleep(thinking_s)
             self._n_begun += 1
-            await browser.answer(index, "ab"[rng.integers(2)], round(1e3 * thinking_s))
+            await browser.answer(index, list(Position)[rng.integers(2)], round(1e3 * thinking_s))
         await asyncio.sleep(_LAST_CLIPS_S)
 
     def _is_enough(self) -> bool:

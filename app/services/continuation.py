@@ -15,7 +15,7 @@ from study_core.posterior.run import Posterior
 from study_core.queries import Participant, ProposedQuery
 from study_core.session import FeatureLearned, QueryPrepared
 
-VERSION = "continuation-3"
+VERSION = "continuation-4"
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Request:
         study_text: The study file's text.
         participant: Names the session's random streams.
         query_index: The query to prepare.
-        comparisons: Answers that inform the posterior, in the hand-coded features.
-        needs_posterior: Whether an answer has come since the last posterior; always so in the active phase.
-        test_query: The common test query to show, in the test phase.
+        comparisons: Answers that inform the posterior, in the hand-coded features; none without a posterior.
+        needs_posterior: Whether the query is chosen from one, or is the first after the last that was.
+        given_query: A query that need not be chosen: of the common test set, or one that is asked again.
         knowledge: What else informs the posterior.
         learned: A feature that the session goes on with from this query on.
         compared: The same answers with what they compared; None where no feature has been learned.
@@ -39,7 +39,7 @@ class Request:
     query_index: int
     comparisons: ComparisonSet
     needs_posterior: bool
-    test_query: ProposedQuery | None
+    given_query: ProposedQuery | None
     knowledge: Knowledge = NOTHING
     learned: FeatureLearned | None = None
     compared: Compared | None = None

@@ -113,7 +113,7 @@ def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, 
         "source": record.source.value,
         "created_at": record.created_at.isoformat(),
         "n_answers": n_answers,
-        "is_finished": n_answers == study.protocol.n_queries,
+        "is_finished": n_answers == study.n_queries,
     }
 
 

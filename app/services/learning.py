@@ -6,7 +6,7 @@ from app.services.computations import has_succeeded
 from app.services.continuation import Computation, FeatureRequest
 from app.services.runtime import LiveSession, Runtime
 from study_core.online.schedule import LEAD
-from study_core.session import SessionState, compared, feature_due
+from study_core.session import SessionState, compared, feature_due, session_plan
 
 # Before the models of people who have finished, which nobody is going to wait for.
 _URGENCY = 0.0
@@ -14,8 +14,10 @@ _URGENCY = 0.0
 
 def begin_early(runtime: Runtime, live: LiveSession) -> None:
     """Starts learning what will be due, as soon as the answers are there."""
-    upcoming = live.state.query_index + LEAD
-    if feature_due(live.study, live.state, upcoming) <= len(live.state.answers):
+    plan = session_plan(live.study, live.state)
+    upcoming = plan.index_of_active(plan.n_active_before(live.state.query_index) + LEAD)
+    due = feature_due(live.study, live.state, upcoming)
+    if due is not None and due.n_queries <= len(live.state.answers):
         feature_before(runtime, live, live.state, upcoming)
 
 
@@ -30,16 +32,20 @@ def feature_before(
         state: A state of it that has all the answers that the feature is learned from.
         query_index: The query.
     """
-    n_queries = feature_due(live.study, state, query_index)
-    if not n_queries:
+    due = feature_due(live.study, state, query_index)
+    if due is None:
         return None
-    if not _is_under_way(live, n_queries):
+    if not _is_under_way(live, due.n_queries):
         assert state.participant is not None, "a session with answers has begun"
         request = FeatureRequest(
-            live.study.text, state.participant, n_queries + LEAD, n_queries, compared(state, n_queries)
+            live.study.text,
+            state.participant,
+            due.query_index,
+            due.n_queries,
+            compared(state, due.n_queries),
         )
         live.learning = (
-            n_queries,
+            due.n_queries,
             runtime.engine.submit(request.key, runtime.learn_fn, request, _URGENCY, resource="training"),
         )
     assert live.learning is not None, "it has just been begun, or was before"

@@ -12,10 +12,11 @@ from typing import Protocol
 
 from app.store.records import EventRecord, PosteriorRecord, SessionRecord
 from study_core import session_codec
+from study_core.plan import Phase
 from study_core.predictors.predictor import Training
 from study_core.preferences import preferences
 from study_core.queries import Participant
-from study_core.session import SessionState, reduce
+from study_core.session import Event, SessionBegun
 from study_core.study import Study, parse_study
 
 
@@ -59,14 +60,16 @@ class Person:
 def person(answers: ActiveAnswers, record: SessionRecord) -> Person:
     """Returns what a finished or running session taught so far."""
     study = study_of(answers, record)
-    events = answers.active_events(record.id, study.protocol.active_queries)
-    state = reduce(study, (session_codec.from_json(event.kind, event.payload) for event in events))
-    return Person(record.id, study, state.participant, _training(answers, record, study, state))
+    stored = answers.active_events(record.id, study.first_test)
+    events = [session_codec.from_json(event.kind, event.payload) for event in stored]
+    begun = next((event for event in events if isinstance(event, SessionBegun)), None)
+    participant = None if begun is None else begun.participant
+    return Person(record.id, study, participant, _training(answers, record, study, events))
 
 
 def is_finished(answers: ActiveAnswers, record: SessionRecord) -> bool:
     """Returns whether every query of a session is answered."""
-    return answers.n_answers(record.id) == study_of(answers, record).protocol.n_queries
+    return answers.n_answers(record.id) == study_of(answers, record).n_queries
 
 
 def study_of(answers: ActiveAnswers, record: SessionRecord) -> Study:
@@ -74,8 +77,8 @@ def study_of(answers: ActiveAnswers, record: SessionRecord) -> Study:
     return parse_study(answers.study_text(record.study_hash))
 
 
-def _training(answers: ActiveAnswers, record: SessionRecord, study: Study, state: SessionState) -> Training:
-    pairs, signs = preferences(study.domain, state.prepared, state.answers)
+def _training(answers: ActiveAnswers, record: SessionRecord, study: Study, events: list[Event]) -> Training:
+    pairs, signs = preferences(study.domain, events, Phase.ACTIVE)
     posteriors = answers.posteriors(record.id)
     # Test answers don't inform the posterior, so the last one knows of active answers alone. (An imported person's
     # doesn't know the very last of those; their study kept none that does.)

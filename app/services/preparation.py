@@ -13,20 +13,23 @@ from app.services.continuation import Computation, Continuation, Request
 from app.services.runtime import LiveSession, Runtime
 from app.store import PopulationWithdrawnError, PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
-from study_core.comparison import Choice
+from study_core.comparison import Choice, ComparisonSet
+from study_core.plan import Phase
 from study_core.posterior.run import Posterior
+from study_core.queries import ProposedQuery
 from study_core.session import (
     Action,
     AnswerGiven,
+    BreakTaken,
     Event,
     FeatureLearned,
-    Phase,
     QueryPrepared,
     SessionState,
     apply,
     compared,
+    needs_query,
     next_action,
-    phase_of,
+    session_plan,
 )
 
 log = logging.getLogger(__name__)
@@ -43,11 +46,11 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     current = live.state.current
     live.ahead = {}
     following = live.state.query_index + 1
-    if current is None or following >= live.study.protocol.n_queries:
+    if current is None or following >= live.study.n_queries:
         return
-    if current.phase is Phase.TEST:
-        request = _request(live, live.state, following, needs_posterior=False)
-        live.ahead[None] = _submit(runtime, request, _AHEAD)
+    plan = session_plan(live.study, live.state)
+    if not plan.needs_posterior(following):
+        live.ahead[None] = _submit(runtime, _request(live, live.state, following), _AHEAD)
         return
     learning.begin_early(runtime, live)
     feature = learning.feature_before(runtime, live, live.state, following)
@@ -58,10 +61,9 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
         return
     learned = None if feature is None else feature.result()
     requests = {
-        choice: _request(live, _after(live, choice), following, needs_posterior=True, learned=learned)
-        for choice in live.study.answers
+        choice: _request(live, _after(live, choice), following, learned) for choice in live.study.answers
     }
-    # Answers that say nothing all lead to the same query, which has one key.
+    # Answers that say nothing, and all that don't inform the posterior, lead to the same query, which has one key.
     by_key = {request.key: request for request in requests.values()}
     begun = dict(
         zip(by_key, runtime.engine.submit_together(runtime.continue_fn, by_key, _AHEAD), strict=True)
@@ -95,7 +97,7 @@ def continuation_after(
 
 def prepare(runtime: Runtime, live: LiveSession) -> None:
     """Makes sure that a session that needs a query gets one; the caller holds its lock."""
-    if next_action(live.study, live.state) is not Action.PREPARE or None in live.ahead:
+    if not needs_query(live.study, live.state) or None in live.ahead:
         return
     computation = _begin(runtime, live, live.state)
     if not has_succeeded(computation):
@@ -128,10 +130,12 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
             live.ahead = {}
         return
     with live.lock:
+        # An answer that was taken back has called for another query meanwhile.
+        if live.ahead.get(None) is not computation:
+            return
         # What is delivered now must not be taken for what follows it by an answer that comes at once.
-        if live.ahead.get(None) is computation:
-            live.ahead = {}
-        if next_action(live.study, live.state) is not Action.PREPARE:
+        live.ahead = {}
+        if not needs_query(live.study, live.state):
             return
         if continuation.prepared.query_index != live.state.query_index:
             return
@@ -197,17 +201,19 @@ def _look_ahead_from(runtime: Runtime, live: LiveSession, prepared: QueryPrepare
 
 
 def _after(live: LiveSession, choice: Choice) -> SessionState:
-    """Returns the state that an answer to the current query would lead to."""
-    return apply(live.study, live.state, AnswerGiven(live.state.query_index, choice, None))
+    """Returns the state that an answer to the current query would lead to, be it after a break."""
+    state = live.state
+    if next_action(live.study, state) is Action.BREAK:
+        state = apply(live.study, state, BreakTaken(state.query_index))
+    return apply(live.study, state, AnswerGiven(state.query_index, choice, None))
 
 
 def _begin(runtime: Runtime, live: LiveSession, state: SessionState) -> Computation:
     """Starts computing the next query of a state for somebody who waits for it."""
     index = state.query_index
-    is_informed = index == 0 or phase_of(live.study, index - 1) is Phase.ACTIVE
 
     def begin_with(learned: FeatureLearned | None) -> Computation:
-        return _submit(runtime, _request(live, state, index, is_informed, learned), _WAITED_FOR)
+        return _submit(runtime, _request(live, state, index, learned), _WAITED_FOR)
 
     feature = learning.feature_before(runtime, live, state, index)
     if feature is None:
@@ -221,10 +227,11 @@ def _request(
     live: LiveSession,
     state: SessionState,
     query_index: int,
-    needs_posterior: bool,
     learned: FeatureLearned | None = None,
 ) -> Request:
-    n_active = live.study.protocol.active_queries
+    needs_posterior = session_plan(live.study, state).needs_posterior(query_index)
+    # What isn't used is left out, so that the same computation has the same name.
+    nothing = ComparisonSet.empty(len(live.study.domain.feature_names))
     knowledge = state.knowledge
     if learned is not None and learned.feature is not None:
         knowledge = replace(knowledge, feature=learned.feature)
@@ -233,13 +240,21 @@ def _request(
         live.study.text,
         state.participant,
         query_index,
-        state.comparisons,
+        state.comparisons if needs_posterior else nothing,
         needs_posterior,
-        live.opened.test_set[query_index - n_active] if query_index >= n_active else None,
+        _given_query(live, state, query_index),
         knowledge,
         learned,
         compared(state, query_index) if needs_posterior and knowledge.feature is not None else None,
     )
+
+
+def _given_query(live: LiveSession, state: SessionState, query_index: int) -> ProposedQuery | None:
+    """Returns a query that need not be chosen: of the common test set, or one that is asked again."""
+    slot = session_plan(live.study, state).slots[query_index]
+    if slot.phase is Phase.TEST:
+        return live.opened.test_set[slot.number]
+    return None if slot.repeat_of is None else state.prepared[slot.repeat_of].proposed
 
 
 def _submit(runtime: Runtime, request: Request, urgency: float) -> Computation:

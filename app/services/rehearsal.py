@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -19,8 +20,9 @@ from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
+from study_core.plan import choice_at
 from study_core.queries import Provenance, infer_posterior
-from study_core.session import QueryPrepared, known_comparisons
+from study_core.session import MOST_CONFIDENT, AnswerGiven, QueryPrepared, known_comparisons
 from study_core.streams import stream
 from study_core.study import Study
 
@@ -116,11 +118,16 @@ def rehearse(
     drift_rng = stream(crowd.seed, "simulated-drift", number)
     asked: list[SimulatedPerson] = []
 
-    def answer(prepared: QueryPrepared) -> tuple[Choice, int]:
+    def answer(prepared: QueryPrepared) -> AnswerGiven:
         # The person as they are now, one step further on from the query before.
         asked.append(asked[-1].drifted(drift_rng) if asked else person)
-        choice = asked[-1].choose(answers_rng, prepared.proposed.query)
-        return choice, int(_TYPICAL_RESPONSE_MS * answers_rng.lognormal(0.0, 0.4))
+        first_shown = prepared.first_shown or Choice.A
+        choice = asked[-1].choose(answers_rng, prepared.proposed.query, first_shown)
+        if prepared.instructed is not None:
+            choice = choice_at(first_shown, prepared.instructed)
+        response_time_ms = int(_TYPICAL_RESPONSE_MS * answers_rng.lognormal(0.0, 0.4))
+        confidence = MOST_CONFIDENT if study.file.answering.confidence else None
+        return AnswerGiven(prepared.query_index, choice, response_time_ms, confidence)
 
     _, record = services.join(runtime, study, rehearsal=f"rehearsal-{crowd.seed}-{number}")
     walk(runtime, record.id, answer, on_answer)
@@ -138,15 +145,19 @@ def rehearse(
 def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, " n_weights"]]:
     """Returns the posterior mean after each answer; answers to test queries don't move it."""
     by_query = {record.query_index: record.mean for record in runtime.store.posteriors(live.record.id)}
-    n_active = live.study.protocol.active_queries
-    if n_active not in by_query:
+    end = live.study.first_test
+    if end not in by_query:
         # Nothing is asked after the last active answer, so nobody has needed what it says.
         assert live.state.participant is not None, "the session has begun"
         study = live.study.knowing(live.state.knowledge)
         known = known_comparisons(live.study, live.state)
-        last = infer_posterior(study, live.state.participant, n_active, known)
-        by_query[n_active] = last.mean
-    return [by_query[min(index + 1, n_active)] for index in range(len(live.state.answers))]
+        last = infer_posterior(study, live.state.participant, end, known)
+        by_query[end] = last.mean
+    inferred = sorted(by_query)
+    after = (
+        inferred[bisect_right(inferred, min(index, end - 1))] for index in range(len(live.state.answers))
+    )
+    return [by_query[index] for index in after]
 
 
 def _rows(
@@ -160,13 +171,14 @@ def _rows(
     ):
         query, provenance = prepared.proposed.query, prepared.proposed.provenance
         assert isinstance(provenance, Provenance), "simulated people are asked what we chose"
-        likely = person.probabilities(query)
+        likely = person.probabilities(query, prepared.first_shown or Choice.A)
         rows.append(
             {
                 "study": live.study.name,
                 "participant": live.state.participant,
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
+                "first_shown": prepared.first_shown,
                 "method": provenance.method,
                 "visible_difference": provenance.visible_difference,
                 "are_distinct": provenance.are_distinct,

@@ -25,7 +25,7 @@ from study_core.session import (
     FeatureLearned,
     PopulationAdopted,
     QueryPrepared,
-    SessionBegun,
+    reduce,
 )
 from study_core.study import Study, parse_study
 
@@ -88,14 +88,14 @@ def replay(runtime: Runtime, script: Script) -> Json:
     """
     if script.hindrance:
         raise ScriptError(f"{script.hindrance} Leave this person out.")
-    is_partial = bool(script.stored) and len(script.answers) < script.study.protocol.n_queries
+    is_partial = bool(script.stored) and len(script.answers) < script.study.n_queries
     if not is_partial:
         _require_count(script)
     # What people before taught is in the log; what the store knows of them by now is another thing.
     _, record = services.join(runtime, script.study, script.participant, lambda *_: script.adopted)
     remaining = iter(script.answers)
 
-    def answer(prepared: QueryPrepared) -> tuple[Choice, int]:
+    def answer(prepared: QueryPrepared) -> AnswerGiven:
         _compare(script, prepared)
         given = next(remaining)
         if given.query_index != prepared.query_index:
@@ -103,8 +103,7 @@ def replay(runtime: Runtime, script: Script) -> Json:
                 f"{script.source}: expected the answer to query {prepared.query_index}, got one to query "
                 f"{given.query_index}. Give the answers in order."
             )
-        assert given.response_time_ms is not None, "imported answers aren't replayed"
-        return given.choice, given.response_time_ms
+        return given
 
     # A person who left in the middle answered no more than this.
     with suppress(StopIteration):
@@ -135,7 +134,7 @@ def _compare_learned(script: Script, runtime: Runtime, session_id: str) -> None:
 
 
 def _require_count(script: Script) -> None:
-    expected, got = script.study.protocol.n_queries, len(script.answers)
+    expected, got = script.study.n_queries, len(script.answers)
     if got != expected:
         raise ScriptError(
             f"{script.source}: expected {expected} answers, one for each query of study '{script.study.name}', "
@@ -232,16 +231,18 @@ def _refuse_imported(folder: Path, people: Path) -> None:
 
 def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json]) -> Script:
     events = [session_codec.from_json(row["kind"], row["payload"]) for row in rows]
-    begun = next((event for event in events if isinstance(event, SessionBegun)), None)
-    if begun is None:
+    # What was taken back isn't in the state, and nothing that stays depends on it.
+    state = reduce(study, events)
+    if state.participant is None:
         raise ScriptError(f"{folder}: the log of person {person_id} does not begin. Export again.")
     adopted = next((event for event in events if isinstance(event, PopulationAdopted)), None)
+    learned = {event.query_index: event for event in events if isinstance(event, FeatureLearned)}
     return Script(
         f"{folder}, person {person_id}",
         study,
-        begun.participant,
-        tuple(event for event in events if isinstance(event, AnswerGiven)),
-        tuple(event for event in events if isinstance(event, QueryPrepared)),
+        state.participant,
+        state.answers,
+        state.prepared,
         adopted,
-        tuple(event for event in events if isinstance(event, FeatureLearned)),
+        tuple(learned.values()),
     )

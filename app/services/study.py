@@ -1,4 +1,4 @@
-"""What a participant can cause: join, begin, see the screen, answer."""
+"""What a participant can cause: join, begin, see the screen, answer. The path around that is in `path`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from statistics import median
 from typing import Any
 
 from app.errors import AppError
@@ -15,9 +16,23 @@ from app.services.continuation import Computation, Continuation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
 from app.store import NewReport, PopulationWithdrawnError, PositionTakenError, SessionRecord, Source
-from study_core.comparison import Choice, Query
+from study_core.comparison import Choice
+from study_core.path import PracticeStep
+from study_core.plan import Position, choice_at, plan_of
 from study_core.queries import Participant
-from study_core.session import Action, AnswerGiven, PopulationAdopted, SessionBegun, apply, next_action
+from study_core.session import (
+    MOST_CONFIDENT,
+    Action,
+    AnswerGiven,
+    PopulationAdopted,
+    SessionBegun,
+    SessionState,
+    apply,
+    can_take_back,
+    current_step,
+    needs_query,
+    next_action,
+)
 from study_core.study import Study
 
 # Nobody watches two five-second drives for a day; anything beyond is a clock gone wrong.
@@ -41,26 +56,41 @@ class Screen:
     """What a participant should see.
 
     Attributes:
-        kind: `welcome`, `preparing`, `question` or `finished`.
+        kind: `welcome`, `step`, `preparing`, `question`, `break` or `finished`.
         position: Length of the session's log; a page ignores what is older than it has shown.
-        query_index: The query on the stage, for a question.
-        number: Its number for people, from 1.
-        total: How many queries the session has.
+        step: Place in the path, from 0.
+        query_index: The query on the stage, for a question; the one after it, for a break.
+        number: Its number for people, from 1: among those for practice, or among all others.
+        total: How many there are of these.
+        is_practice: Whether it is for practice.
+        instructed: The position that a check asks people to choose.
+        minutes_left: About how long the queries that are left will take; None before there is an answer to go by.
+        can_take_back: Whether the last answer can be taken back.
     """
 
     kind: str
     position: int
+    step: int
     query_index: int | None
     number: int
     total: int
+    is_practice: bool
+    instructed: Position | None
+    minutes_left: int | None
+    can_take_back: bool
 
 
 _SCREEN_KINDS = {
     Action.WELCOME: "welcome",
+    Action.STEP: "step",
     Action.PREPARE: "preparing",
+    Action.BREAK: "break",
     Action.ASK: "question",
     Action.FINISHED: "finished",
 }
+
+# From one answer to the next picture, besides the time that the answer takes.
+_BETWEEN_QUERIES_MS = 1000
 
 
 @dataclass(frozen=True)
@@ -128,7 +158,7 @@ def begin(
             with suppress(PopulationWithdrawnError):
                 runtime.append(live, [begun] if people_before is None else [begun, people_before])
         preparation.prepare(runtime, live)
-        return _screen(live)
+        return screen_of(live)
 
 
 def screen(runtime: Runtime, session_id: str) -> Screen:
@@ -138,7 +168,7 @@ def screen(runtime: Runtime, session_id: str) -> Screen:
         preparation.prepare(runtime, live)
         if live.state.current is not None and not live.ahead:
             preparation.look_ahead(runtime, live)
-        return _screen(live)
+        return screen_of(live)
 
 
 def answer(
@@ -148,6 +178,7 @@ def answer(
     choice: str,
     response_time_ms: int,
     measures: dict[str, Any] | None = None,
+    confidence: int | None = None,
 ) -> AnswerReceipt:
     """Takes an answer: durable when this returns, exactly once, with the next query if it is ready.
 
@@ -158,30 +189,56 @@ def answer(
         choice: One that the study offers, such as `a` or `b`.
         response_time_ms: As measured in the browser.
         measures: What else the browser measured, kept beside the log.
+        confidence: From 1 to 5, where the study asks it.
 
     Raises:
-        InvalidAnswerError: The study doesn't offer the choice, or the response time is impossible.
+        InvalidAnswerError: The study doesn't offer the choice, or asks for more or less, or the response time is
+            impossible.
     """
     live = runtime.live(session_id)
-    given = _checked(live.study, query_index, choice, response_time_ms)
+    given = _checked(live.study, query_index, choice, response_time_ms, confidence)
     with live.lock:
         refused = _refusal(live, query_index)
         if refused is not None:
-            return AnswerReceipt(refused, _screen(live))
+            return AnswerReceipt(refused, screen_of(live))
         try:
             continuation, pending = _take_whatever_is_withdrawn(runtime, live, given, measures)
         except PositionTakenError:
-            return AnswerReceipt(_refusal(live, query_index) or Outcome.NOT_CURRENT, _screen(live))
+            return AnswerReceipt(_refusal(live, query_index) or Outcome.NOT_CURRENT, screen_of(live))
         if pending is not None:
             preparation.deliver_when_done(runtime, live, pending)
-        receipt = AnswerReceipt(Outcome.TAKEN, _screen(live))
+        receipt = AnswerReceipt(Outcome.TAKEN, screen_of(live))
     if continuation is not None:
         preparation.announce(runtime, live, continuation)
     else:
         runtime.on_change(session_id)
-    if receipt.screen.kind == "finished":
+    if query_index == live.study.n_queries - 1:
         _learn_from(runtime, live)
     return receipt
+
+
+def choice_behind(runtime: Runtime, session_id: str, query_index: int, shown: str) -> str:
+    """Returns the answer meant by what a page sends: positions name the trajectories that stand there.
+
+    Args:
+        runtime: The services' resources.
+        session_id: Whose page.
+        query_index: The query that the page shows.
+        shown: `first`, `second`, or an answer that names no position.
+
+    Raises:
+        InvalidAnswerError: No answer is called so.
+    """
+    live = runtime.live(session_id)
+    if shown not in set(Position):
+        if shown in (Choice.A, Choice.B):
+            raise InvalidAnswerError(f"Expected a position, first or second, got {shown!r}.")
+        return shown
+    participant = live.state.participant
+    if participant is None or not 0 <= query_index < live.study.n_queries:
+        raise InvalidAnswerError(f"Expected the index of a query that has been shown, got {query_index}.")
+    slot = plan_of(live.study, participant).slots[query_index]
+    return choice_at(slot.first_shown, Position(shown)).value
 
 
 def _learn_from(runtime: Runtime, live: LiveSession) -> None:
@@ -191,15 +248,9 @@ def _learn_from(runtime: Runtime, live: LiveSession) -> None:
         runtime.populations.begin(live.study)
 
 
-def current_query(runtime: Runtime, session_id: str) -> tuple[Study, int, Query] | None:
-    """Returns the study, index and query on the stage, or None."""
-    live = runtime.live(session_id)
-    with live.lock:
-        current = live.state.current
-        return None if current is None else (live.study, current.query_index, current.proposed.query)
-
-
-def _checked(study: Study, query_index: int, choice: str, response_time_ms: int) -> AnswerGiven:
+def _checked(
+    study: Study, query_index: int, choice: str, response_time_ms: int, confidence: int | None
+) -> AnswerGiven:
     if choice not in study.answers:
         offered = " or ".join(f"'{each}'" for each in study.answers)
         raise InvalidAnswerError(f"Expected the choice {offered}, got {choice!r}.")
@@ -207,17 +258,22 @@ def _checked(study: Study, query_index: int, choice: str, response_time_ms: int)
         raise InvalidAnswerError(
             f"Expected a response time from 0 to {_LONGEST_RESPONSE_MS} ms, got {response_time_ms}."
         )
-    return AnswerGiven(query_index, Choice(choice), response_time_ms)
+    if confidence is not None and not 1 <= confidence <= MOST_CONFIDENT:
+        raise InvalidAnswerError(f"Expected a confidence from 1 to {MOST_CONFIDENT}, got {confidence}.")
+    if (confidence is not None) != study.file.answering.confidence:
+        wanted = "a confidence" if study.file.answering.confidence else "no confidence"
+        raise InvalidAnswerError(
+            f"Expected {wanted} with the answer, as the study asks it; got {confidence}."
+        )
+    return AnswerGiven(query_index, Choice(choice), response_time_ms, confidence)
 
 
 def _refusal(live: LiveSession, query_index: int) -> Outcome | None:
     """Returns why an answer to that query can't be taken now, or None if it can."""
     if 0 <= query_index < len(live.state.answers):
         return Outcome.ALREADY_TAKEN
-    current = live.state.current
-    if current is None or current.query_index != query_index:
-        return Outcome.NOT_CURRENT
-    return None
+    is_asked = next_action(live.study, live.state) is Action.ASK
+    return None if is_asked and live.state.query_index == query_index else Outcome.NOT_CURRENT
 
 
 def _take_whatever_is_withdrawn(
@@ -236,8 +292,9 @@ def _take(
     """Appends the answer, together with the next query if it is there; returns it, or what it is waiting for."""
     report = NewReport(given.query_index, measures) if measures else None
     after = apply(live.study, live.state, given)
-    if next_action(live.study, after) is not Action.PREPARE:
+    if not needs_query(live.study, after):
         runtime.append(live, [given], report=report)
+        live.ahead = {}
         return None, None
     computation = preparation.continuation_after(runtime, live, given.choice, after)
     if not has_succeeded(computation):
@@ -249,8 +306,32 @@ def _take(
     return continuation, None
 
 
-def _screen(live: LiveSession) -> Screen:
-    state, total = live.state, live.study.protocol.n_queries
-    kind = _SCREEN_KINDS[next_action(live.study, state)]
-    index = state.query_index if kind == "question" else None
-    return Screen(kind, state.n_events, index, min(state.query_index + 1, total), total)
+def screen_of(live: LiveSession) -> Screen:
+    """Returns what a session's participant should see; the caller holds its lock."""
+    study, state = live.study, live.state
+    kind = _SCREEN_KINDS[next_action(study, state)]
+    is_practice = isinstance(current_step(study, state), PracticeStep)
+    n_before = 0 if is_practice else study.n_practice
+    total = study.n_practice if is_practice else study.n_queries - study.n_practice
+    current = state.current
+    return Screen(
+        kind=kind,
+        position=state.n_events,
+        step=state.step,
+        query_index=state.query_index if kind in ("question", "break") else None,
+        number=min(max(state.query_index - n_before + 1, 1), total),
+        total=total,
+        is_practice=is_practice,
+        instructed=None if current is None else current.instructed,
+        minutes_left=_minutes_left(study, state),
+        can_take_back=can_take_back(study, state),
+    )
+
+
+def _minutes_left(study: Study, state: SessionState) -> int | None:
+    """Returns about how long the queries that are left take somebody who goes on as they began."""
+    times = [given.response_time_ms for given in state.answers[-20:] if given.response_time_ms is not None]
+    if not times:
+        return None
+    each_ms = median(times) + _BETWEEN_QUERIES_MS
+    return max(1, round((study.n_queries - state.query_index) * each_ms / 60_000))

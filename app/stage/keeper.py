@@ -164,7 +164,7 @@ class StageKeeper:
         if picture is None:
             return
         shown = stage.picture
-        if shown is None or shown.query_index != picture.query_index:
+        if shown is None or shown.key != picture.key:
             stage.show(picture)
 
     def _seat(self, session_id: str) -> _Seat:

@@ -54,12 +54,12 @@ class Picture:
     """What a participant is to see: one query, A and B as shown (not as stored).
 
     Attributes:
-        query_index: The query's number in its session; tells one picture from the next.
+        key: Tells one picture from the next.
         a: The scene under the letter A.
         b: The scene under the letter B.
     """
 
-    query_index: int
+    key: str
     a: Scene
     b: Scene
 

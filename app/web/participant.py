@@ -10,6 +10,7 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from pydantic import BaseModel, ConfigDict
 
 from app.services import study as services
+from app.services.path import language_of
 from app.web.access import ThisSession
 from app.web.pages import templates
 from app.web.parts import SiteParts
@@ -25,13 +26,14 @@ _OTHER_ANSWERS = {
 
 
 class AnswerBody(BaseModel):
-    """An answer as the page sends it; `client` is what the browser measured."""
+    """An answer as the page sends it: positions, not A or B; `client` is what the browser measured."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     query_index: int
     choice: str
     response_time_ms: int
+    confidence: int | None = None
     client: dict[str, Any] | None = None
 
 
@@ -46,11 +48,11 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         study = runtime.live(session.id).study
         if screen.kind == "welcome":
             return welcome_page(request, study)
-        text = study.file.text
+        language = language_of(runtime.live(session.id))
         context = {
-            "title": study.file.title,
-            "question": text.question,
-            "thanks": text.thanks,
+            "title": study.title(language),
+            "question": study.text_named("question", language),
+            "thanks": study.text_named("thanks", language),
             "screen": asdict(screen),
             "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
         }
@@ -70,8 +72,15 @@ def participant_routes(parts: SiteParts) -> APIRouter:
 
     @router.post("/answer")
     def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
+        choice = services.choice_behind(runtime, session.id, body.query_index, body.choice)
         receipt = services.answer(
-            runtime, session.id, body.query_index, body.choice, body.response_time_ms, body.client
+            runtime,
+            session.id,
+            body.query_index,
+            choice,
+            body.response_time_ms,
+            body.client,
+            body.confidence,
         )
         return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
 

@@ -13,10 +13,10 @@ _SECONDS_PER_QUERY = 14
 
 def welcome_page(request: Request, study: Study) -> Response:
     """Returns the welcome page; its form posts to the page's own address."""
-    n_queries = study.protocol.n_queries
+    n_queries, language = study.n_queries, study.languages[0]
     context = {
-        "title": study.file.title,
-        "about": study.file.text.welcome.strip(),
+        "title": study.title(language),
+        "about": study.text_named("welcome", language).strip(),
         "n_questions": n_queries,
         "minutes": max(1, round(n_queries * _SECONDS_PER_QUERY / 60)),
     }

@@ -17,7 +17,7 @@ from study_core.session import QueryPrepared
 from tests.support.server import ServerProcess
 
 STUDY = find_study("quickstart")
-N_QUERIES = STUDY.protocol.n_queries
+N_QUERIES = STUDY.n_queries
 WAIT_MS = 90_000
 
 # Writes down, at each frame of the stage, where the cars are seen: [robot A, human A, robot B, human B], each from

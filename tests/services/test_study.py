@@ -15,7 +15,7 @@ from app.services.study import InvalidAnswerError, Outcome
 from app.services.tokens import hash_token
 from app.settings import find_study
 from study_core.comparison import Choice
-from study_core.session import Phase
+from study_core.plan import Phase
 from study_core.study import Study, parse_study
 
 QUICKSTART = find_study("quickstart")

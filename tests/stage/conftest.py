@@ -18,4 +18,4 @@ def scenes() -> tuple[Scene, Scene]:
 @pytest.fixture
 def picture(scenes: tuple[Scene, Scene]) -> Picture:
     """The first query."""
-    return Picture(0, *scenes)
+    return Picture("0", *scenes)

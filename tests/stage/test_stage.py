@@ -74,7 +74,7 @@ def test_the_first_picture_is_seen_at_once(stage: Stage, picture: Picture) -> No
 def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     old = seen(stage)
-    stage.show(Picture(1, picture.b, picture.a))
+    stage.show(Picture("1", picture.b, picture.a))
     assert seen(stage) == old
     assert len(nodes(stage)) == 2
     new = [build_clip(picture.b, picture.a, Layout.WIDE)]
@@ -93,9 +93,9 @@ def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, pict
 
 def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes: tuple[Scene, Scene]) -> None:
     for index in range(6):
-        stage.show(Picture(index, *scenes))
+        stage.show(Picture(str(index), *scenes))
         stage.replay()
-    last = Picture(9, drive(0.05), drive(-0.05))
+    last = Picture("9", drive(0.05), drive(-0.05))
     stage.show(last)
     wait_until(lambda: seen(stage) == [build_clip(last.a, last.b, Layout.WIDE)] and len(nodes(stage)) == 1)
 
@@ -141,7 +141,7 @@ def test_another_layout_keeps_the_place_and_comes_at_once(
 def test_a_new_picture_plays_even_if_the_last_was_paused(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     stage.pause()
-    stage.show(Picture(1, picture.b, picture.a))
+    stage.show(Picture("1", picture.b, picture.a))
     assert not stage.is_paused
 
 
@@ -212,7 +212,7 @@ def test_a_stage_that_nobody_watches_makes_room(keeper: StageKeeper) -> None:
 
 
 def test_refreshing_shows_a_new_query_but_does_not_restart_the_same_one(scenes: tuple[Scene, Scene]) -> None:
-    current = [Picture(0, *scenes)]
+    current = [Picture("0", *scenes)]
     keeper = StageKeeper(lambda _: current[0])
     try:
         stage = keeper.enter("ann")

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from study_core.comparison import Query
+from study_core.comparison import Choice, Query
 from study_core.networks.checkpoint import Checkpoint, Lineage
 from study_core.networks.config import NetworkConfig
 from study_core.networks.model import initial_networks
 from study_core.online.feature import N_FOLDS, LearnedFeature
+from study_core.plan import Phase
 from study_core.queries import ProposedQuery, Provenance
-from study_core.session import Phase, QueryPrepared
+from study_core.session import QueryPrepared
 
 
 def proposed(index, n_features=4, seed=0):
@@ -38,7 +39,7 @@ def proposed(index, n_features=4, seed=0):
 
 def prepared(index, phase=Phase.ACTIVE, seed=0):
     clips = {"wide": f"{index:02x}" * 32, "tall": "ab" * 32}
-    return QueryPrepared(index, phase, proposed(index, seed=seed), clips, "0.1.0", 12.5 + index / 3)
+    return QueryPrepared(index, phase, proposed(index, seed=seed), clips, "0.1.0", 12.5 + index / 3, Choice.A)
 
 
 def learned_feature(n_learned_from=16, seed=0):

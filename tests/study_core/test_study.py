@@ -29,7 +29,7 @@ def test_a_shipped_study_has_the_numbers_of_the_contract(name):
     study = read_study(STUDIES / f"{name}.toml")
     assert study.name == name
     assert (study.protocol.active_queries, study.protocol.test_queries) == (active, test)
-    assert study.protocol.n_queries == active + test
+    assert study.n_queries == active + test
     assert study.response == response
     assert study.prior == Prior(support, 4)
     assert study.domain.id == "driving-v1"
@@ -121,7 +121,7 @@ def test_what_the_file_says_reaches_the_science():
     assert study.prior == Prior("sphere", 4)
     expected = SamplerSettings(n_chains=4, n_warmup=150, n_draws=500, most_draws=900, n_samples=20)
     assert study.sampler == expected
-    assert (study.seed, study.protocol.n_queries, study.file.trajectory.starts) == (5, 5, 3)
+    assert (study.seed, study.n_queries, study.file.trajectory.starts) == (5, 5, 3)
 
 
 def test_a_study_offers_a_and_b_and_whatever_it_names_beside_them():

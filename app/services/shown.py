@@ -1,0 +1,50 @@
+"""What a participant's stage shows: the query being asked, or the example of the instructions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from app.services.runtime import Runtime
+from study_core.comparison import Choice, Query
+from study_core.domain import Domain
+from study_core.path import InstructionsStep
+from study_core.queries import propose_common_query
+from study_core.session import current_step
+from study_core.study import Study
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Two trajectories on the stage.
+
+    Attributes:
+        key: Tells one picture from the next.
+        domain: Whose trajectories they are.
+        query: The two.
+        first_shown: Which of them is in the first position.
+    """
+
+    key: str
+    domain: Domain
+    query: Query
+    first_shown: Choice
+
+
+def shown(runtime: Runtime, session_id: str) -> Shown | None:
+    """Returns what a session's stage should show now, or None."""
+    live = runtime.live(session_id)
+    with live.lock:
+        study, state = live.study, live.state
+    if isinstance(current_step(study, state), InstructionsStep):
+        return Shown("example", study.domain, _example(study), Choice.A)
+    current = state.current
+    if current is None:
+        return None
+    query, first = current.proposed.query, current.first_shown or Choice.A
+    return Shown(f"query-{current.query_index}", study.domain, query, first)
+
+
+@lru_cache(maxsize=8)
+def _example(study: Study) -> Query:
+    return propose_common_query(study, "example", 0).query

@@ -1,0 +1,239 @@
+"""A participant's path through a study, as its file defines it: steps, questionnaires, endings."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from study_core.section import Name, Section, Words
+
+
+class Ending(StrEnum):
+    """How a session can end."""
+
+    COMPLETED = "completed"
+    DECLINED = "declined"
+    SCREENED_OUT = "screened-out"
+    FAILED = "failed"
+    STOPPED = "stopped"
+    DELETED = "deleted"
+    TIMED_OUT = "timed-out"
+
+
+class EndingSection(Section):
+    """What somebody gets at an ending."""
+
+    code: str | None = Field(None, min_length=1, max_length=100, description="Completion code.")
+    redirect: str | None = Field(
+        None, pattern=r"^https?://[^\s<>\"']+$", description="Where a button leads, once everything is saved."
+    )
+    text: Name | None = Field(None, description="Name of the text on the last page.")
+
+
+class NumberItem(Section):
+    """A question for a number."""
+
+    kind: Literal["number"]
+    name: Name
+    label: Words
+    required: bool = True
+    least: float | None = None
+    most: float | None = None
+    whole: bool = True
+    right: float | None = Field(None, description="The right answer, in a comprehension check.")
+    screens_out: tuple[float, ...] = Field((), description="Answers that end the session as screened out.")
+
+
+class ScaleItem(Section):
+    """A line between two extremes, without a preset value."""
+
+    kind: Literal["scale"]
+    name: Name
+    label: Words
+    required: bool = True
+    least: float = 0.0
+    most: float = 100.0
+    step: float = Field(5.0, gt=0)
+    low: Words
+    high: Words
+
+    @model_validator(mode="after")
+    def _has_steps(self) -> ScaleItem:
+        if self.most < self.least + self.step:
+            raise ValueError("most must be at least a step above least")
+        return self
+
+
+class LikertItem(Section):
+    """A few points from one extreme to the other; answers are 1 to `points`."""
+
+    kind: Literal["likert"]
+    name: Name
+    label: Words
+    required: bool = True
+    points: int = Field(7, ge=2, le=11)
+    low: Words
+    high: Words
+
+
+class Option(Section):
+    """One answer to choose."""
+
+    name: Name
+    label: Words
+
+
+class ChoiceItem(Section):
+    """One of several answers, or some of them."""
+
+    kind: Literal["choice"]
+    name: Name
+    label: Words
+    required: bool = True
+    options: tuple[Option, ...] = Field(min_length=2)
+    several: bool = False
+    right: Name | None = Field(None, description="The right answer, in a comprehension check.")
+    screens_out: tuple[Name, ...] = Field((), description="Answers that end the session as screened out.")
+
+    @model_validator(mode="after")
+    def _names_are_its_own(self) -> ChoiceItem:
+        names = [option.name for option in self.options]
+        if len(set(names)) != len(names):
+            raise ValueError("options must have different names")
+        unknown = ({self.right} - {None} | set(self.screens_out)) - set(names)
+        if unknown:
+            raise ValueError(
+                f"right and screens_out must name options; {', '.join(sorted(map(str, unknown)))} is none"
+            )
+        return self
+
+
+class TextItem(Section):
+    """A question for free text."""
+
+    kind: Literal["text"]
+    name: Name
+    label: Words
+    required: bool = True
+    longest: int = Field(5000, ge=1, le=20_000, description="Most characters.")
+
+
+def _kind_of_item(value: Any) -> str:
+    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+    return f"<{kind}>"
+
+
+Item = Annotated[
+    Annotated[NumberItem, Tag("<number>")]
+    | Annotated[ScaleItem, Tag("<scale>")]
+    | Annotated[LikertItem, Tag("<likert>")]
+    | Annotated[ChoiceItem, Tag("<choice>")]
+    | Annotated[TextItem, Tag("<text>")],
+    Discriminator(
+        _kind_of_item,
+        custom_error_type="unknown_kind",
+        custom_error_message="kind must be number, scale, likert, choice or text",
+    ),
+]
+"""One question of a questionnaire."""
+
+
+class ConsentStep(Section):
+    """What the person agrees to, or declines."""
+
+    step: Literal["consent"]
+    text: Name = "consent"
+
+
+class TextStep(Section):
+    """A page that only says something."""
+
+    step: Literal["text"]
+    text: Name
+
+
+class InstructionsStep(Section):
+    """What to do, with an animated example."""
+
+    step: Literal["instructions"]
+    text: Name = "instructions"
+    example: bool = True
+
+
+class PracticeStep(Section):
+    """Queries that don't count, and questions that show whether the task was understood."""
+
+    step: Literal["practice"]
+    text: Name = "practice"
+    queries: int = Field(2, ge=1, le=20)
+    check: Name | None = Field(None, description="Questionnaire whose items have a right answer.")
+    chances: int = Field(2, ge=1, le=5, description="How often the check may be tried.")
+
+
+class QueriesStep(Section):
+    """The study's own queries."""
+
+    step: Literal["queries"] = "queries"
+    break_every: int | None = Field(
+        None, ge=1, description="Queries from one break to the next; no breaks without it."
+    )
+    text: Name = Field("break", description="What is said in a break.")
+
+
+class QuestionnaireStep(Section):
+    """A page of questions."""
+
+    step: Literal["questionnaire"]
+    questionnaire: Name
+
+
+class DebriefStep(Section):
+    """What the study was about."""
+
+    step: Literal["debrief"]
+    text: Name = "debrief"
+    results: bool = Field(False, description="Shows people what was learned about them.")
+
+
+def _kind_of_step(value: Any) -> str:
+    kind = value.get("step") if isinstance(value, dict) else getattr(value, "step", None)
+    return f"<{kind}>"
+
+
+Step = Annotated[
+    Annotated[ConsentStep, Tag("<consent>")]
+    | Annotated[TextStep, Tag("<text>")]
+    | Annotated[InstructionsStep, Tag("<instructions>")]
+    | Annotated[PracticeStep, Tag("<practice>")]
+    | Annotated[QueriesStep, Tag("<queries>")]
+    | Annotated[QuestionnaireStep, Tag("<questionnaire>")]
+    | Annotated[DebriefStep, Tag("<debrief>")],
+    Discriminator(
+        _kind_of_step,
+        custom_error_type="unknown_step",
+        custom_error_message=(
+            "step must be consent, text, instructions, practice, queries, questionnaire or debrief"
+        ),
+    ),
+]
+"""One step of the path."""
+
+Path = tuple[Step, ...]
+
+QUERIES_ALONE: Path = (QueriesStep(),)
+
+
+def text_of(step: Step) -> str | None:
+    """Returns the name of the text that a step shows, if it shows one."""
+    if isinstance(step, QuestionnaireStep) or (isinstance(step, QueriesStep) and step.break_every is None):
+        return None
+    return step.text
+
+
+def questionnaire_of(step: Step) -> str | None:
+    """Returns the name of the questionnaire that a step asks, if it asks one."""
+    if isinstance(step, QuestionnaireStep):
+        return step.questionnaire
+    return step.check if isinstance(step, PracticeStep) else None
