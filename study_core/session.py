@@ -344,7 +344,8 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
     """
     state = replace(state, n_events=state.n_events + 1)
     if state.ending is not None:
-        raise SessionError(f"Expected a session that goes on; this one has ended: {state.ending}.")
+        kind = AnswerNotCurrentError if isinstance(event, AnswerGiven) else SessionError
+        raise kind(f"Expected a session that goes on; this one has ended: {state.ending}.")
     if isinstance(event, SessionBegun):
         return _begin(state, event)
     if isinstance(event, LanguageChosen):

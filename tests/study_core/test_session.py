@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from study_core.comparison import Choice
 from study_core.errors import AnswerNotCurrentError, SessionError
 from study_core.knowledge import NOTHING, Knowledge
+from study_core.plan import Phase
 from study_core.posterior.population import PopulationPrior
 from study_core.session import (
     Action,
     AnswerGiven,
+    FeatureDue,
     FeatureLearned,
-    Phase,
     PopulationAdopted,
     SessionBegun,
     apply,
@@ -23,7 +24,6 @@ from study_core.session import (
     feature_due,
     initial_state,
     next_action,
-    phase_of,
     query_of,
     reduce,
 )
@@ -66,7 +66,7 @@ class Model:
             is_current = self.n_prepared > self.n_answered == event.query_index
             return is_current and event.choice in (*SIGNS, Choice.SKIP)
         is_next = event.query_index == self.n_answered == self.n_prepared < N
-        belongs = (event.phase is Phase.ACTIVE) == (event.query_index < N_ACTIVE)
+        belongs = event.phase is (Phase.ACTIVE if event.query_index < N_ACTIVE else Phase.TEST)
         return self.has_begun and is_next and belongs
 
     def take(self, event):
@@ -187,10 +187,6 @@ def test_a_state_is_never_changed_by_what_comes_after_it():
     assert same(initial_state(STUDY), states[0])
 
 
-def test_active_queries_come_first():
-    assert [phase_of(STUDY, index) for index in range(N)] == [Phase.ACTIVE] * N_ACTIVE + [Phase.TEST] * N_TEST
-
-
 def test_the_current_query_is_the_one_prepared_and_not_yet_answered():
     log = whole_log([Choice.B] * N)
     assert reduce(STUDY, log[:1]).current is None
@@ -233,6 +229,9 @@ LEARNING = parse_study(
 )
 
 
+DUE = FeatureDue(11, 15)
+
+
 def log_of(choices):
     log = [SessionBegun(1)]
     for index, choice in enumerate(choices):
@@ -242,16 +241,16 @@ def log_of(choices):
 
 def test_a_feature_is_due_before_each_block_once_it_can_be_learned():
     state = reduce(LEARNING, log_of([Choice.A, Choice.B] * 8))
-    assert [feature_due(LEARNING, state, index) for index in (9, 14, 15, 16, 20)] == [0, 0, 11, 11, 11]
+    assert [feature_due(LEARNING, state, index) for index in (9, 14, 15, 16, 20)] == [None, None, *[DUE] * 3]
     learned = apply(LEARNING, state, FeatureLearned(16, 11, learned_feature(), "0.1.0"))
-    assert feature_due(LEARNING, learned, 20) == 0
-    assert feature_due(STUDY, reduce(STUDY, whole_log([Choice.A] * N)), N) == 0
+    assert feature_due(LEARNING, learned, 20) is None
+    assert feature_due(STUDY, reduce(STUDY, whole_log([Choice.A] * N)), N) is None
 
 
 def test_no_feature_is_learned_from_fewer_than_ten_preferences():
     enough = reduce(LEARNING, log_of([Choice.SKIP] * 1 + [Choice.A] * 14))
     too_few = reduce(LEARNING, log_of([Choice.SKIP] * 2 + [Choice.A] * 13))
-    assert (feature_due(LEARNING, enough, 15), feature_due(LEARNING, too_few, 15)) == (11, 0)
+    assert (feature_due(LEARNING, enough, 15), feature_due(LEARNING, too_few, 15)) == (DUE, None)
 
 
 def test_what_was_compared_is_what_the_posterior_sees_of_the_first_queries():

@@ -73,9 +73,7 @@ def same(first, second):
         FeatureLearned(20, 16, learned_feature(), "0.1.0"),
         FeatureLearned(20, 16, None, "0.1.0"),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
-        QueryPrepared(
-            3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", compute_ms=None
-        ),
+        QueryPrepared(3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", None, None),
     ],
     ids=lambda event: type(event).__name__,
 )
@@ -97,6 +95,7 @@ def test_every_float_keeps_every_bit(controls_a, controls_b, features_a, feature
         {},
         "0.1.0",
         compute_ms,
+        Choice.B,
     )
     assert same(there_and_back(event), event)
 
