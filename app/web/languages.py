@@ -59,6 +59,12 @@ def text_direction(language: str) -> str:
     return _locale(language).text_direction
 
 
+def language_name(language: str) -> str:
+    """Returns what a language calls itself, e.g. `Deutsch`."""
+    name = _locale(language).get_display_name(language)
+    return name or language
+
+
 def format_number(value: float, language: str) -> str:
     """Returns a number as the language writes it, e.g. `1.234,5` in German."""
     return format_decimal(value, locale=_locale(language))

@@ -11,19 +11,16 @@ from pydantic import BaseModel, ConfigDict
 
 from app.services import study as services
 from app.services.path import language_of
+from app.services.runtime import LiveSession
+from app.services.study import Screen
 from app.web.access import ThisSession
-from app.web.pages import templates
+from app.web.markdown import render_markdown
 from app.web.parts import SiteParts
 from app.web.screens import screen_events
+from app.web.session_page import session_page
+from app.web.steps import ending_page, step_page
 from app.web.welcome import welcome_page
-from study_core.comparison import Choice
-
-_OTHER_ANSWERS = {
-    Choice.SAME: "About the same",
-    Choice.UNSURE: "Can’t tell",
-    Choice.SKIP: "Skip this pair",
-}
-
+from study_core.path import QueriesStep, text_of
 
 class AnswerBody(BaseModel):
     """An answer as the page sends it: positions, not A or B; `client` is what the browser measured."""
@@ -45,18 +42,14 @@ def participant_routes(parts: SiteParts) -> APIRouter:
     @router.get("/")
     def page(request: Request, session: ThisSession) -> Response:
         screen = services.screen(runtime, session.id)
-        study = runtime.live(session.id).study
+        live = runtime.live(session.id)
         if screen.kind == "welcome":
-            return welcome_page(request, study)
-        language = language_of(runtime.live(session.id))
-        context = {
-            "title": study.title(language),
-            "question": study.text_named("question", language),
-            "thanks": study.text_named("thanks", language),
-            "screen": asdict(screen),
-            "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
-        }
-        return templates.TemplateResponse(request, "participant.html", context)
+            return welcome_page(request, live.study)
+        if screen.kind == "step":
+            return step_page(request, runtime, live, screen.step)
+        if screen.kind == "finished":
+            return ending_page(request, live)
+        return session_page(request, live, "participant.html", _trial(live, screen))
 
     @router.post("/")
     def begin(token: str, session: ThisSession) -> Response:
@@ -85,3 +78,17 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
 
     return router
+
+
+def _trial(live: LiveSession, screen: Screen) -> dict[str, Any]:
+    """Returns what the page of the queries says and offers."""
+    study, language = live.study, language_of(live)
+    answering = study.file.answering
+    current = study.file.path[screen.step]
+    pause = text_of(current) if isinstance(current, QueriesStep) else None
+    return {
+        "question": study.text_named("question", language).strip(),
+        "screen": asdict(screen),
+        "settings": {**answering.model_dump(), "answers": [choice.value for choice in study.answers]},
+        "break_text": "" if pause is None else render_markdown(study.text_named(pause, language)),
+    }
