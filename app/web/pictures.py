@@ -39,7 +39,7 @@ class _View:
         return "".join("M" + "L".join(f"{a} {d}" for a, d in zip(*three, strict=True)) + "Z" for three in corners)
 
 
-def strip_of(domain: Domain, drives: Sequence[Float[np.ndarray, " n_controls"]]) -> list[Markup]:
+def pictures_of(domain: Domain, drives: Sequence[Float[np.ndarray, " n_controls"]]) -> list[Markup]:
     """Returns one picture for each trajectory, as inline SVG; all show the same part of the ground.
 
     Args:
@@ -57,7 +57,7 @@ def _picture(scene: Scene, view: _View) -> Markup:
     width, height = (round(1000 * side) for side in view.size)
     # What it shows is said beside it.
     start = (
-        f'<svg class="strip" viewBox="0 0 {width} {height}" aria-hidden="true" focusable="false">'
+        f'<svg class="drive" viewBox="0 0 {width} {height}" aria-hidden="true" focusable="false">'
         f'<rect width="{width}" height="{height}" fill="{scene.background[:7]}"/>'
     )
     ground = (_drawn(view, _within(mesh, view.bounds), mesh.colour) for mesh in scene.ground)
