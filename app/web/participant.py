@@ -18,7 +18,8 @@ from app.web.markdown import render_markdown
 from app.web.parts import SiteParts
 from app.web.screens import screen_events
 from app.web.session_page import session_page
-from app.web.steps import ending_page, step_page
+from app.web.ending import ending_page
+from app.web.step_page import step_page
 from app.web.welcome import welcome_page
 from study_core.path import QueriesStep, text_of
 
@@ -46,7 +47,7 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         if screen.kind == "welcome":
             return welcome_page(request, live.study)
         if screen.kind == "step":
-            return step_page(request, runtime, live, screen.step)
+            return step_page(request, runtime, session.id, screen.step)
         if screen.kind == "finished":
             return ending_page(request, live)
         return session_page(request, live, "participant.html", _trial(live, screen))
