@@ -56,9 +56,7 @@ class StepReceipt:
     problems: dict[str, Problem] = field(default_factory=dict)
 
 
-def take_step(
-    runtime: Runtime, session_id: str, step: int, form: Form, n_tries: int = 0
-) -> StepReceipt:
+def take_step(runtime: Runtime, session_id: str, step: int, form: Form, n_tries: int = 0) -> StepReceipt:
     """Takes a page of the path; one that was taken before, or isn't the current one, changes nothing.
 
     Args:

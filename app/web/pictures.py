@@ -36,7 +36,9 @@ class _View:
         across = np.round((y - self.bounds.y_min) * 1000).astype(int)
         down = np.round((x - self.bounds.x_min) * 1000).astype(int)
         corners = zip(across.tolist(), down.tolist(), strict=True)
-        return "".join("M" + "L".join(f"{a} {d}" for a, d in zip(*three, strict=True)) + "Z" for three in corners)
+        return "".join(
+            "M" + "L".join(f"{a} {d}" for a, d in zip(*three, strict=True)) + "Z" for three in corners
+        )
 
 
 def pictures_of(domain: Domain, drives: Sequence[Float[np.ndarray, " n_controls"]]) -> list[Markup]:

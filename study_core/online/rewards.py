@@ -11,7 +11,7 @@ from jaxtyping import Float
 from study_core.bank import Bank, open_bank
 from study_core.differences import central_differences
 from study_core.distinctness import visible_paths
-from study_core.domain import Domain, N_, domain_named
+from study_core.domain import N_, Domain, domain_named
 from study_core.online.feature import LearnedFeature
 from study_core.posterior.prior import Prior
 from study_core.rewards import Rewards
