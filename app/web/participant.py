@@ -10,8 +10,10 @@ from fastapi.responses import RedirectResponse, Response, StreamingResponse
 from pydantic import BaseModel, ConfigDict
 
 from app.services import study as services
+from app.services.joining import end_if_too_old, following_token
 from app.services.path import language_of
 from app.web.access import ThisSession
+from app.web.ending import ending_page
 from app.web.pages import templates
 from app.web.parts import SiteParts
 from app.web.screens import screen_events
@@ -43,11 +45,17 @@ def participant_routes(parts: SiteParts) -> APIRouter:
     runtime = parts.runtime
 
     @router.get("/")
-    def page(request: Request, session: ThisSession) -> Response:
+    def page(request: Request, token: str, session: ThisSession) -> Response:
+        end_if_too_old(runtime, session.id)
+        following = following_token(runtime, token)
+        if following is not None:
+            return RedirectResponse(f"/s/{following}/", status_code=303)
         screen = services.screen(runtime, session.id)
         study = runtime.live(session.id).study
         if screen.kind == "welcome":
             return welcome_page(request, study)
+        if screen.kind == "finished":
+            return ending_page(request, runtime.live(session.id))
         language = language_of(runtime.live(session.id))
         context = {
             "title": study.title(language),
