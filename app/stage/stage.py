@@ -18,7 +18,7 @@ import rich
 import viser
 
 from app.errors import AppError
-from app.stage.clip import build_clip, duration_s
+from app.stage.clip import TAIL_S, build_clip, duration_s
 from app.stage.framing import CAMERA, Layout
 from study_core.scene import Scene
 
@@ -64,6 +64,25 @@ class Picture:
     b: Scene
 
 
+@dataclass(frozen=True)
+class Playing:
+    """How the clip on a stage plays.
+
+    Attributes:
+        position_s: Where it is in its loop.
+        end_s: Where both drives have ended.
+        duration_s: Length of the loop.
+        speed: Seconds of the loop per second.
+        is_paused: Whether it stands still.
+    """
+
+    position_s: float
+    end_s: float
+    duration_s: float
+    speed: float
+    is_paused: bool
+
+
 @dataclass
 class _Play:
     """Where the current clip is in its loop."""
@@ -71,6 +90,7 @@ class _Play:
     start_s: float
     since: float
     is_frozen: bool
+    speed: float
 
 
 class Stage:
@@ -87,7 +107,9 @@ class Stage:
         self._lock = threading.RLock()
         self._layout = layout
         self._picture: Picture | None = None
-        self._play = _Play(0.0, clock(), False)
+        self._play = _Play(0.0, clock(), False, 1.0)
+        self._speed = 1.0
+        self._starts_still = False
         self._shown: viser.GlbHandle | None = None
         self._coming: viser.GlbHandle | None = None
         self._leaving: viser.GlbHandle | None = None
@@ -112,11 +134,21 @@ class Stage:
         """Whether the clip stands still."""
         return self._play.is_frozen
 
+    @property
+    def playing(self) -> Playing | None:
+        """How the clip plays, or None while there is none."""
+        with self._lock:
+            if self._picture is None:
+                return None
+            length = duration_s(self._picture.a, self._picture.b)
+            position = self._position_s() % length
+            return Playing(position, length - TAIL_S, length, self._speed, self._play.is_frozen)
+
     def show(self, picture: Picture) -> None:
         """Shows a picture from its beginning, in place of the last one."""
         with self._lock:
             self._picture = picture
-            self._change(0.0, False)
+            self._change(0.0, self._starts_still)
 
     def replay(self) -> None:
         """Starts the clip again from its beginning."""
@@ -127,13 +159,38 @@ class Stage:
         """Stops the clip where it will be when the still one is revealed, so that nothing jumps."""
         with self._lock:
             if not self._play.is_frozen:
-                self._change(self._position_s() + REVEAL_S, True)
+                self._change(self._position_s() + self._unseen_s(), True)
 
     def resume(self) -> None:
         """Goes on from where the clip was paused."""
         with self._lock:
             if self._play.is_frozen:
-                self._change(self._play.start_s - REVEAL_S, False)
+                self._change(max(0.0, self._play.start_s - self._unseen_s()), False)
+
+    def seek(self, position_s: float) -> None:
+        """Goes to a place in the loop; stands still there, or plays on from there, as before."""
+        with self._lock:
+            lead_s = 0.0 if self._play.is_frozen else self._unseen_s()
+            self._change(max(0.0, position_s - lead_s), self._play.is_frozen)
+
+    def set_speed(self, speed: float) -> None:
+        """Plays this clip, from where it is, and all that follow at another speed.
+
+        Args:
+            speed: Seconds of the loop per second.
+        """
+        with self._lock:
+            goes_on_at_s = self._position_s() + self._unseen_s()
+            self._speed = speed
+            if not self._play.is_frozen:
+                self._change(goes_on_at_s - self._unseen_s(), False)
+
+    def set_still(self, starts_still: bool) -> None:
+        """Says whether pictures wait at their first moment until they are told to play, the one shown now included."""
+        with self._lock:
+            if starts_still is not self._starts_still:
+                self._starts_still = starts_still
+                self._change(0.0, starts_still)
 
     def set_layout(self, layout: Layout) -> None:
         """Rearranges the sides; at once, because a picture in the wrong shape is worse than a blink."""
@@ -155,7 +212,11 @@ class Stage:
         """Where the clip is in its loop."""
         if self._play.is_frozen:
             return self._play.start_s
-        return self._play.start_s + self._clock() - self._play.since
+        return self._play.start_s + self._play.speed * (self._clock() - self._play.since)
+
+    def _unseen_s(self) -> float:
+        """How far a clip gets before it is revealed."""
+        return REVEAL_S * self._speed
 
     def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
         """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""
@@ -163,11 +224,13 @@ class Stage:
             raise StageClosedError
         if self._picture is None:
             return
-        a, b = self._picture.a, self._picture.b
-        start_s %= duration_s(a, b)
-        clip = build_clip(a, b, self._layout, start_s, is_frozen)
+        picture = self._picture
+        start_s %= duration_s(picture.a, picture.b)
+        clip = build_clip(
+            picture.a, picture.b, self._layout, start_s, is_frozen, self._speed, picture.query_index
+        )
         self._turn += 1
-        self._play = _Play(start_s, self._clock(), is_frozen)
+        self._play = _Play(start_s, self._clock(), is_frozen, self._speed)
         with self._server.atomic():
             for old in (self._coming, self._leaving):
                 _remove(old)
@@ -211,14 +274,14 @@ class Stage:
                 self._leaving = None
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        """A browser has (re)connected: its clip starts anew and plays, and its camera can't be moved."""
+        """A browser has (re)connected: its clip starts anew, and its camera can't be moved."""
         distance = CAMERA.position[2]
         client.camera.min_orbit_distance = distance
         client.camera.max_orbit_distance = distance
         with self._lock:
             self._play.since = self._clock()
             if self._play.is_frozen and not self._is_closed:
-                self._change(0.0, False)
+                self._change(0.0, self._starts_still)
 
 
 def _remove(handle: viser.GlbHandle | None) -> None:

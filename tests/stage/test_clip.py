@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.stage.clip import LEAD_S, TAIL_S, build_clip, duration_s
+from app.stage.clip import LEAD_S, N_MARKS, TAIL_S, build_clip, duration_s, mark_colour
 from app.stage.framing import Layout, frame, half_centres, half_extents
 from study_core.scene import Scene
 from tests.stage.made_up import DT_S, N_FRAMES, drive
@@ -128,6 +128,49 @@ def test_a_frozen_clip_stands_still_at_its_moment(scenes: tuple[Scene, Scene]) -
         np.testing.assert_allclose(glb.document["nodes"][node]["translation"], pose[:3], atol=1e-6)
         turn = np.array(glb.document["nodes"][node]["rotation"])
         assert np.exp(1j * (yaw_of(turn) - pose[3])) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0])
+def test_another_speed_stretches_the_same_motion(scenes: tuple[Scene, Scene], speed: float) -> None:
+    usual, other = (read(build_clip(*scenes, Layout.WIDE, 1.3, speed=each)) for each in (1.0, speed))
+    for node in usual.moving():
+        for path in ("translation", "rotation"):
+            times, values = usual.curve(node, path)
+            stretched, same = other.curve(node, path)
+            np.testing.assert_allclose(stretched * speed, times, rtol=1e-6)
+            np.testing.assert_array_equal(same, values)
+
+
+def marks(glb: Glb) -> list[dict[str, Any]]:
+    """What lies in front of everything else, whole in the picture's middle."""
+    found = []
+    for mesh in glb.document["meshes"]:
+        for primitive in mesh["primitives"]:
+            points = glb.array(primitive["attributes"]["POSITION"])
+            if points[:, 2].min() > 1 and np.abs(points[:, :2]).max() < 0.02:
+                found.append(glb.document["materials"][primitive["material"]])
+    return found
+
+
+@pytest.mark.parametrize("layout", Layout)
+def test_each_of_eight_pictures_in_a_row_has_a_mark_of_its_own(
+    scenes: tuple[Scene, Scene], layout: Layout
+) -> None:
+    colours = []
+    for number in range(N_MARKS + 1):
+        [material] = marks(read(build_clip(*scenes, layout, mark=number)))
+        colours.append(tuple(material["pbrMetallicRoughness"]["baseColorFactor"]))
+    assert len(set(colours)) == N_MARKS
+    assert colours[0] == colours[N_MARKS]
+    still = marks(read(build_clip(*scenes, layout, 2.0, frozen=True, mark=3)))
+    assert tuple(still[0]["pbrMetallicRoughness"]["baseColorFactor"]) == colours[3]
+
+
+def test_a_mark_says_its_number_in_bits() -> None:
+    for number in range(-3, 20):
+        colour = mark_colour(number)
+        bits = [int(colour[i : i + 2], 16) > 0x80 for i in (1, 3, 5)]
+        assert bits[0] + 2 * bits[1] + 4 * bits[2] == number % N_MARKS
 
 
 @pytest.mark.parametrize("layout", Layout)

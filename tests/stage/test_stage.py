@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from app.stage.clip import build_clip, duration_s
+from app.stage.clip import TAIL_S, build_clip, duration_s
 from app.stage.framing import Layout
-from app.stage.keeper import Action, StageKeeper
+from app.stage.keeper import Action, InvalidActionError, StageKeeper
 from app.stage.stage import REVEAL_S, Picture, Stage, StageBusyError, StageClosedError
 from study_core.scene import Scene
 from tests.stage.made_up import drive
@@ -77,7 +77,7 @@ def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, pict
     stage.show(Picture("1", picture.b, picture.a))
     assert seen(stage) == old
     assert len(nodes(stage)) == 2
-    new = [build_clip(picture.b, picture.a, Layout.WIDE)]
+    new = [build_clip(picture.b, picture.a, Layout.WIDE, mark=1)]
     states = []
 
     def done() -> bool:
@@ -97,7 +97,8 @@ def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes:
         stage.replay()
     last = Picture("9", drive(0.05), drive(-0.05))
     stage.show(last)
-    wait_until(lambda: seen(stage) == [build_clip(last.a, last.b, Layout.WIDE)] and len(nodes(stage)) == 1)
+    clip = build_clip(last.a, last.b, Layout.WIDE, mark=9)
+    wait_until(lambda: seen(stage) == [clip] and len(nodes(stage)) == 1)
 
 
 def test_pause_shows_the_moment_at_which_the_still_picture_appears(
@@ -127,6 +128,65 @@ def test_pause_finds_its_place_after_several_loops(stage: Stage, picture: Pictur
     clock.now += 3 * duration_s(picture.a, picture.b) + 1.0
     stage.pause()
     assert stage._play.start_s == pytest.approx(1.0 + REVEAL_S)
+
+
+def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.show(picture)
+    clock.now += 2.0
+    stage.set_speed(2.0)
+    # It runs unseen for REVEAL_S at the new speed, while the old clip gets as far at the old one.
+    start_s = 2.0 + REVEAL_S - 2.0 * REVEAL_S
+    wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE, start_s, speed=2.0)])
+    clock.now += 1.0
+    assert stage.playing is not None
+    assert stage.playing.position_s == pytest.approx(start_s + 2.0)
+    stage.pause()
+    still = build_clip(picture.a, picture.b, Layout.WIDE, start_s + 2.0 + 2.0 * REVEAL_S, frozen=True)
+    wait_until(lambda: seen(stage) == [still])
+    stage.show(Picture(1, picture.b, picture.a))
+    wait_until(
+        lambda: seen(stage) == [build_clip(picture.b, picture.a, Layout.WIDE, speed=2.0, mark=1)],
+    )
+
+
+def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
+    stage: Stage, picture: Picture
+) -> None:
+    stage.show(picture)
+    stage.seek(3.0)
+    playing = build_clip(picture.a, picture.b, Layout.WIDE, 3.0 - REVEAL_S)
+    wait_until(lambda: seen(stage) == [playing])
+    stage.seek(0.1)
+    wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE)])
+    stage.pause()
+    stage.seek(4.5)
+    still = build_clip(picture.a, picture.b, Layout.WIDE, 4.5, frozen=True)
+    wait_until(lambda: seen(stage) == [still])
+    assert stage.playing is not None
+    assert (stage.playing.position_s, stage.playing.is_paused) == (4.5, True)
+
+
+def test_whoever_wants_no_motion_sees_first_moments_until_they_press_play(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.set_still(True)
+    stage.show(picture)
+    assert seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE, frozen=True)]
+    stage.resume()
+    wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE)])
+    stage.show(Picture(1, picture.b, picture.a))
+    still = build_clip(picture.b, picture.a, Layout.WIDE, frozen=True, mark=1)
+    wait_until(lambda: seen(stage) == [still])
+
+
+def test_a_stage_tells_where_both_drives_end(stage: Stage, picture: Picture) -> None:
+    assert stage.playing is None
+    stage.show(picture)
+    assert stage.playing is not None
+    assert stage.playing.duration_s == duration_s(picture.a, picture.b)
+    assert stage.playing.end_s == stage.playing.duration_s - TAIL_S
 
 
 def test_another_layout_keeps_the_place_and_comes_at_once(
@@ -236,6 +296,55 @@ def test_a_layout_asked_for_before_the_stage_exists_is_remembered(keeper: StageK
     assert stage.is_paused
     assert keeper.perform("ann", Action.RESUME)
     assert not stage.is_paused
+
+
+def test_a_page_may_seek_and_choose_one_of_three_speeds(keeper: StageKeeper) -> None:
+    assert not keeper.perform("ann", Action.SEEK, 1.0)
+    keeper.enter("ann")
+    assert keeper.perform("ann", Action.PAUSE)
+    assert keeper.perform("ann", Action.SEEK, 1.0)
+    assert keeper.perform("ann", Action.SPEED, 0.5)
+    playing = keeper.playing("ann")
+    assert playing is not None
+    assert (playing.position_s, playing.speed, playing.is_paused) == (1.0, 0.5, True)
+
+
+@pytest.mark.parametrize(
+    ("action", "value"),
+    [
+        (Action.SPEED, 3.0),
+        (Action.SPEED, None),
+        (Action.SEEK, None),
+        (Action.SEEK, -0.1),
+        (Action.SEEK, float("nan")),
+        (Action.REPLAY, 1.0),
+    ],
+)
+def test_a_value_that_no_page_would_send_is_refused(
+    keeper: StageKeeper, action: Action, value: float | None
+) -> None:
+    keeper.enter("ann")
+    with pytest.raises(InvalidActionError):
+        keeper.perform("ann", action, value)
+
+
+def test_a_wish_to_see_no_motion_is_remembered_like_a_layout(keeper: StageKeeper) -> None:
+    assert keeper.perform("ann", Action.STILL)
+    assert keeper.perform("ann", Action.TALL)
+    stage = keeper.enter("ann")
+    assert (stage.layout, stage.is_paused) == (Layout.TALL, True)
+    assert keeper.perform("ann", Action.MOVING)
+    assert not stage.is_paused
+
+
+def test_a_full_house_has_room_for_who_is_in_or_when_somebody_leaves(keeper: StageKeeper) -> None:
+    keeper.enter("ann")
+    assert keeper.has_room("cat")
+    keeper.enter("bob")
+    assert keeper.has_room("bob")
+    assert not keeper.has_room("cat")
+    keeper.leave("ann")
+    assert keeper.has_room("cat")
 
 
 def test_nothing_is_shown_while_there_is_no_picture() -> None:

@@ -246,7 +246,7 @@ MALFORMED = {
     ),
     "an unknown answer": (
         {"response__answers": ["a", "b", "maybe"]},
-        r"key 'response\.answers\.2': input should be 'a', 'b'.*, got 'maybe'",
+        r"key 'response\.answers\.3': input should be 'a', 'b'.*, got 'maybe'",
     ),
     "a rationality like no other word": (
         {"response__rationality": "infered"},
