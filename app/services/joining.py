@@ -19,7 +19,7 @@ from app.services import study as services
 from app.services.links import Invitation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_code, hash_token, new_token, next_token, resume_code
-from app.store import PersonKnownError, SessionRecord, Source, TokenTakenError
+from app.store import ExternalPerson, PersonKnownError, SessionRecord, Source, TokenTakenError
 from study_core.path import Ending
 from study_core.study import Study
 
@@ -93,7 +93,8 @@ class Door:
             if person is not None or not is_over:
                 return Welcome(Arrival.RESUMED, visit.token)
             # Several people may sit down at one browser, one after another, with the same link.
-            return Welcome(self._place(), visit.token)
+            place = self._place()
+            return Welcome(place if place is Arrival.NEW else Arrival.RESUMED, visit.token)
         if person is not None and self._runtime.store.session_of_person(self._study.name, person.external_id):
             is_theirs = visit.invitation.is_signed
             return Welcome(Arrival.INVITED_BACK if is_theirs else Arrival.KNOWN_ELSEWHERE)
@@ -124,6 +125,11 @@ class Door:
         self._add_token(session.id, token)
         return token
 
+    def person_of(self, token: str) -> ExternalPerson | None:
+        """Returns who the person of a token's session is to whoever sent them, if anybody did."""
+        session = self._session_of(token)
+        return None if session is None else self._runtime.store.external_person(session.id)
+
     def begin_again(self, token: str) -> Welcome:
         """Lets somebody whose session has become too old begin a new one, or go on with one that they have begun.
 
@@ -147,8 +153,7 @@ class Door:
     def _begin_again(self, token: str) -> Welcome:
         store = self._runtime.store
         old, following = self._session_of(token), next_token(token)
-        begun = self._session_of(following)
-        if begun is not None:
+        if following_token(self._runtime, token) is not None:
             return Welcome(Arrival.RESUMED, following)
         if old is None or not can_begin_again(self._runtime.live(old.id)):
             return Welcome(Arrival.RESUMED, token)
@@ -240,6 +245,12 @@ def end_if_too_old(runtime: Runtime, session_id: str) -> None:
 def can_begin_again(live: LiveSession) -> bool:
     """Returns whether a session has timed out in a study that lets people begin again then."""
     return live.state.ending is Ending.TIMED_OUT and live.study.file.session.when_old == "restart"
+
+
+def following_token(runtime: Runtime, token: str) -> str | None:
+    """Returns the token of the session that was begun in the place of a token's own, if one was."""
+    following = next_token(token)
+    return None if services.find(runtime, following) is None else following
 
 
 def code_of(runtime: Runtime, token: str) -> str | None:

@@ -7,6 +7,7 @@ import hashlib
 import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
 from app.errors import AppError
@@ -21,7 +22,9 @@ LANGUAGE = "lang"
 _LONGEST_ID = 200
 _LONGEST_KEY = 64
 _MOST_OTHER_IDS = 20
-_SECRET = "personal-links"
+_SECRET = "links"
+_PERSONAL, _FAREWELL = "personal", "farewell"
+_FAREWELL_HOLDS = timedelta(days=1)
 _UNFILLED = ("{{", "}}")
 
 
@@ -70,7 +73,7 @@ def read_invitation(store: Store, study_name: str, query: Mapping[str, str]) -> 
         )
     signature = query.get(SIGNATURE)
     if signature is not None and not hmac.compare_digest(
-        signature.encode(), _signature(store, study_name, external_id).encode()
+        signature.encode(), _signature(store, _PERSONAL, study_name, external_id).encode()
     ):
         raise WrongSignatureError(f"Expected the signature of '{key}={external_id}', got another.")
     return Invitation(ExternalPerson(study_name, external_id, others), signature is not None)
@@ -92,13 +95,39 @@ def personal_link(store: Store, study_name: str, external_id: str, base_url: str
         raise IncompleteLinkError(
             f"Expected 1 to {_LONGEST_ID} printable characters for an id, got {external_id!r}."
         )
-    query = urlencode({"id": external_id, SIGNATURE: _signature(store, study_name, external_id)})
+    signature = _signature(store, _PERSONAL, study_name, external_id)
+    query = urlencode({"id": external_id, SIGNATURE: signature})
     return f"{base_url.rstrip('/')}/join/{study_name}?{query}"
 
 
-def _signature(store: Store, study_name: str, external_id: str) -> str:
-    """Returns 128 bits that nobody can guess who hasn't the store's secret; a study's name has no line break."""
-    digest = hmac.digest(store.secret(_SECRET), f"{study_name}\n{external_id}".encode(), hashlib.sha256)
+def farewell_query(store: Store, study_hash: str, language: str) -> str:
+    """Returns the query of the last page for somebody who has deleted everything, so that it can be loaded again.
+
+    It holds for a day, and says which version of a study it was and when, and nothing of the person.
+    """
+    at = datetime.now(UTC).isoformat(timespec="seconds")
+    signature = _signature(store, _FAREWELL, study_hash, at)
+    return urlencode({"version": study_hash, "at": at, LANGUAGE: language, SIGNATURE: signature})
+
+
+def read_farewell(store: Store, query: Mapping[str, str]) -> str:
+    """Returns the hash of the study that such a page is of.
+
+    Raises:
+        WrongSignatureError: It wasn't made here, or longer than a day ago.
+    """
+    study_hash, at = query.get("version", ""), query.get("at", "")
+    expected = _signature(store, _FAREWELL, study_hash, at)
+    if not hmac.compare_digest(query.get(SIGNATURE, "").encode(), expected.encode()):
+        raise WrongSignatureError("Expected the last page of a deleted session, got a made-up one.")
+    if datetime.now(UTC) > datetime.fromisoformat(at) + _FAREWELL_HOLDS:
+        raise WrongSignatureError("Expected the last page of a session deleted today, got an older one.")
+    return study_hash
+
+
+def _signature(store: Store, *signed: str) -> str:
+    """Returns 128 bits that nobody can guess who hasn't the store's secret; no line break is in what is signed."""
+    digest = hmac.digest(store.secret(_SECRET), "\n".join(signed).encode(), hashlib.sha256)
     return base64.urlsafe_b64encode(digest[:16]).decode().rstrip("=")
 
 

@@ -7,11 +7,13 @@ which `make messages` brings up to date; it is compiled in memory when it is fir
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from functools import lru_cache
 from gettext import GNUTranslations, NullTranslations
 from io import BytesIO
 
 from babel import Locale, UnknownLocaleError, negotiate_locale
+from babel.dates import format_date, format_time, get_timezone_gmt
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
 from babel.numbers import format_decimal
@@ -73,6 +75,14 @@ def format_number(value: float, language: str) -> str:
 def format_minutes(minutes: int, language: str) -> str:
     """Returns a duration in words, e.g. `12 minutes`."""
     return format_unit(minutes, "duration-minute", locale=_locale(language))
+
+
+def format_moment(moment: datetime, language: str) -> str:
+    """Returns an aware moment as the language writes it, with the day of the week and the offset of its own clock."""
+    locale = _locale(language)
+    day = format_date(moment, "full", locale=locale)
+    time = format_time(moment, "short", tzinfo=moment.tzinfo, locale=locale)
+    return f"{day}, {time} ({get_timezone_gmt(moment, 'long', locale=locale)})"
 
 
 def choose_language(wanted: str | None, accept_language: str | None, available: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from app.services import study as services
+from app.services.joining import end_if_too_old, following_token
 from app.web.access import ThisSession
 from app.web.ending import ending_page
 from app.web.parts import SiteParts
@@ -21,7 +22,11 @@ def participant_routes(parts: SiteParts) -> APIRouter:
     runtime = parts.runtime
 
     @router.get("/")
-    def page(request: Request, session: ThisSession) -> Response:
+    def page(request: Request, token: str, session: ThisSession) -> Response:
+        end_if_too_old(runtime, session.id)
+        following = following_token(runtime, token)
+        if following is not None:
+            return RedirectResponse(f"/s/{following}/", status_code=303)
         screen = services.screen(runtime, session.id)
         live = runtime.live(session.id)
         if screen.kind == "welcome":

@@ -147,9 +147,9 @@ class Person:
         return [event for event in events if isinstance(event, QueryPrepared)]
 
 
-def join(page: Page, server: ServerProcess) -> Person:
+def join(page: Page, server: ServerProcess, study_name: str = STUDY.name) -> Person:
     """Follows the participant link and begins."""
-    page.goto(f"{server.url}/join/{STUDY.name}")
+    page.goto(f"{server.url}/join/{study_name}")
     page.get_by_role("button", name="Begin").click()
     page.wait_for_url("**/s/*/")
     return at(page, server)
