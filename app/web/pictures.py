@@ -93,7 +93,8 @@ def _seen(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 3 3"]:
     """Returns the triangles that face upwards and are large enough to be seen."""
     edges = triangles[:, 1:, :2] - triangles[:, :1, :2]
     areas = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    return triangles[areas > _SMALLEST]
+    seen: np.ndarray = triangles[areas > _SMALLEST]
+    return seen
 
 
 def _within(mesh: Mesh, bounds: Bounds) -> Float[np.ndarray, "m 3 3"]:
@@ -102,7 +103,8 @@ def _within(mesh: Mesh, bounds: Bounds) -> Float[np.ndarray, "m 3 3"]:
     least, most = triangles.min(axis=1), triangles.max(axis=1)
     across = (most[:, 0] >= bounds.x_min) & (least[:, 0] <= bounds.x_max)
     along = (most[:, 1] >= bounds.y_min) & (least[:, 1] <= bounds.y_max)
-    return triangles[across & along]
+    shown: np.ndarray = triangles[across & along]
+    return shown
 
 
 def _drawn(view: _View, triangles: Float[np.ndarray, "n 3 3"], colour: str) -> str:
