@@ -1,6 +1,6 @@
 // The example of the instructions: a stage that can be paused and played again.
 import { Connection } from "./connection.js";
-import { byId, word, write } from "./page.js";
+import { byId, wait, word, write } from "./page.js";
 import { Stage, canDraw } from "./stage.js";
 
 const connection = new Connection({ screen: onScreen, offline: (isOffline) => !isOffline && stage.load() });
@@ -15,9 +15,11 @@ function onScreen(screen) {
   }
 }
 
-function onLoaded() {
+async function onLoaded() {
   byId("controls").hidden = false;
   showPaused(stage.motion === "still");
+  while (stage.mark() === null) await wait(100);
+  byId("example").classList.add("is-shown");
 }
 
 function showPaused(value) {
