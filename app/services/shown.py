@@ -10,8 +10,11 @@ from study_core.comparison import Choice, Query
 from study_core.domain import Domain
 from study_core.path import InstructionsStep
 from study_core.queries import propose_common_query
-from study_core.session import current_step
+from study_core.session import Action, current_step, next_action
 from study_core.study import Study
+
+# No query follows it whose number has the same mark.
+_EXAMPLE = -1
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,14 @@ class Shown:
 
     Attributes:
         key: Tells one picture from the next.
+        number: Of a query, its index; goes into the picture's mark.
         domain: Whose trajectories they are.
         query: The two.
         first_shown: Which of them is in the first position.
     """
 
     key: str
+    number: int
     domain: Domain
     query: Query
     first_shown: Choice
@@ -37,12 +42,13 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
     with live.lock:
         study, state = live.study, live.state
     if isinstance(current_step(study, state), InstructionsStep):
-        return Shown("example", study.domain, _example(study), Choice.A)
+        return Shown("example", _EXAMPLE, study.domain, _example(study), Choice.A)
     current = state.current
-    if current is None:
+    # A query may be prepared during a break, but it is seen from its beginning when the break is over.
+    if current is None or next_action(study, state) is not Action.ASK:
         return None
     query, first = current.proposed.query, current.first_shown or Choice.A
-    return Shown(f"query-{current.query_index}", study.domain, query, first)
+    return Shown(f"query-{current.query_index}", current.query_index, study.domain, query, first)
 
 
 @lru_cache(maxsize=8)

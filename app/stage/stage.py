@@ -57,11 +57,13 @@ class Picture:
         key: Tells one picture from the next.
         a: The scene under the letter A.
         b: The scene under the letter B.
+        number: What its mark says (`app.stage.clip.mark_colour`).
     """
 
     key: str
     a: Scene
     b: Scene
+    number: int = 0
 
 
 @dataclass(frozen=True)
@@ -226,9 +228,7 @@ class Stage:
             return
         picture = self._picture
         start_s %= duration_s(picture.a, picture.b)
-        clip = build_clip(
-            picture.a, picture.b, self._layout, start_s, is_frozen, self._speed, picture.query_index
-        )
+        clip = build_clip(picture.a, picture.b, self._layout, start_s, is_frozen, self._speed, picture.number)
         self._turn += 1
         self._play = _Play(start_s, self._clock(), is_frozen, self._speed)
         with self._server.atomic():

@@ -76,7 +76,7 @@ function describe() {
   }
   write(byId("break-done"), word("done", { done: Math.max(number - 1, 0), total }));
   classes.toggle("is-practice", Boolean(is_practice));
-  byId("undo").hidden = !(settings.take_back && can_take_back);
+  byId("undo").hidden = !(can_take_back && screen.kind === "question");
   byId("undo").disabled = false;
 }
 
@@ -190,17 +190,18 @@ async function undo() {
   const button = byId("undo");
   if (button.hidden || button.disabled || sending !== null) return;
   button.disabled = true;
-  await act("take-back");
+  await act("take-back", screen.query_index - 1);
 }
 
-/** Asks for what changes the screen itself. */
-async function act(address) {
-  const { query_index } = screen;
+/** Asks for what changes the screen by itself. */
+async function act(address, query_index) {
+  const before = shown;
+  settled = screen.query_index;
   stage.watch();
   const { response } = await connection.insist(address, { query_index });
   if (!response.ok) return connection.reload();
   const { screen: next } = await response.json();
-  settle(query_index);
+  if (shown === before) shown = "";
   apply(next);
 }
 
@@ -257,7 +258,7 @@ function takeKeys() {
 function takeHands() {
   for (const button of answers) button.addEventListener("click", onAnswerClick);
   byId("undo").addEventListener("click", undo);
-  byId("go-on").addEventListener("click", () => act("break"));
+  byId("go-on").addEventListener("click", () => act("break", screen.query_index));
   document.addEventListener("keydown", (event) => event.key === "Escape" && thinkAgain());
   byId("think-again")?.addEventListener("click", thinkAgain);
   takeKeys();
@@ -266,6 +267,7 @@ function takeHands() {
 function start() {
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) return cover("cannot-draw", true);
+  if (PAGES.includes(screen.kind)) return;
   takeHands();
   stage.arrange();
   stage.load();

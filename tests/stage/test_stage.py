@@ -74,7 +74,7 @@ def test_the_first_picture_is_seen_at_once(stage: Stage, picture: Picture) -> No
 def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     old = seen(stage)
-    stage.show(Picture("1", picture.b, picture.a))
+    stage.show(Picture("1", picture.b, picture.a, 1))
     assert seen(stage) == old
     assert len(nodes(stage)) == 2
     new = [build_clip(picture.b, picture.a, Layout.WIDE, mark=1)]
@@ -95,7 +95,7 @@ def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes:
     for index in range(6):
         stage.show(Picture(str(index), *scenes))
         stage.replay()
-    last = Picture("9", drive(0.05), drive(-0.05))
+    last = Picture("9", drive(0.05), drive(-0.05), 9)
     stage.show(last)
     clip = build_clip(last.a, last.b, Layout.WIDE, mark=9)
     wait_until(lambda: seen(stage) == [clip] and len(nodes(stage)) == 1)
@@ -145,7 +145,7 @@ def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
     stage.pause()
     still = build_clip(picture.a, picture.b, Layout.WIDE, start_s + 2.0 + 2.0 * REVEAL_S, frozen=True)
     wait_until(lambda: seen(stage) == [still])
-    stage.show(Picture(1, picture.b, picture.a))
+    stage.show(Picture("1", picture.b, picture.a, 1))
     wait_until(
         lambda: seen(stage) == [build_clip(picture.b, picture.a, Layout.WIDE, speed=2.0, mark=1)],
     )
@@ -176,7 +176,7 @@ def test_whoever_wants_no_motion_sees_first_moments_until_they_press_play(
     assert seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE, frozen=True)]
     stage.resume()
     wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE)])
-    stage.show(Picture(1, picture.b, picture.a))
+    stage.show(Picture("1", picture.b, picture.a, 1))
     still = build_clip(picture.b, picture.a, Layout.WIDE, frozen=True, mark=1)
     wait_until(lambda: seen(stage) == [still])
 
@@ -279,7 +279,7 @@ def test_refreshing_shows_a_new_query_but_does_not_restart_the_same_one(scenes: 
         before = seen(stage)
         keeper.refresh("ann")
         assert len(nodes(stage)) == 1
-        current[0] = Picture(1, *reversed(scenes))
+        current[0] = Picture("1", *reversed(scenes))
         keeper.refresh("ann")
         wait_until(lambda: seen(stage) != before)
         keeper.refresh("nobody")
