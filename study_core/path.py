@@ -45,6 +45,12 @@ class NumberItem(Section):
     right: float | None = Field(None, description="The right answer, in a comprehension check.")
     screens_out: tuple[float, ...] = Field((), description="Answers that end the session as screened out.")
 
+    @model_validator(mode="after")
+    def _can_be_answered(self) -> NumberItem:
+        if self.least is not None and self.most is not None and self.least > self.most:
+            raise ValueError(f"least can't be more than most, {self.most}; got {self.least}")
+        return self
+
 
 class ScaleItem(Section):
     """A line between two extremes, without a preset value."""

@@ -10,7 +10,7 @@ from fastapi.responses import Response
 from app.services.path import language_of
 from app.services.runtime import LiveSession
 from app.web.languages import language_name
-from app.web.pages import templates
+from app.web.pages import form_page
 
 
 def session_page(
@@ -35,7 +35,4 @@ def session_page(
         "can_leave": is_on_the_way,
         "languages": {tag: language_name(tag) for tag in study.languages},
     }
-    response = templates.TemplateResponse(request, template, common | context, status)
-    # Under `no-referrer`, browsers send a form with the origin "null", which the guard refuses.
-    response.headers["Referrer-Policy"] = "same-origin"
-    return response
+    return form_page(request, template, common | context, status)

@@ -17,6 +17,7 @@ from app.web.joining import join_routes
 from app.web.leaving import leaving_routes
 from app.web.participant import participant_routes
 from app.web.parts import SiteParts
+from app.web.steps import step_routes
 from app.web.trial import trial_routes
 
 
@@ -43,6 +44,7 @@ def create_site(parts: SiteParts) -> FastAPI:
     site.include_router(join_routes(parts, door))
     site.include_router(leaving_routes(parts, door))
     site.include_router(participant_routes(parts))
+    site.include_router(step_routes(parts))
     site.include_router(trial_routes(parts))
     site.include_router(parts.stage)
     return site

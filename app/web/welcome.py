@@ -5,10 +5,10 @@ from __future__ import annotations
 from fastapi import Request
 from fastapi.responses import Response
 
+from app.web.duration import expected_minutes
+from app.web.languages import language_name
 from app.web.pages import form_page, requested_language
 from study_core.study import Study
-
-_SECONDS_PER_QUERY = 14
 
 
 def welcome_page(
@@ -28,7 +28,8 @@ def welcome_page(
         "title": study.title(language),
         "about": study.text_named("welcome", language).strip(),
         "n_questions": n_queries,
-        "minutes": max(1, round(n_queries * _SECONDS_PER_QUERY / 60)),
+        "minutes": expected_minutes(study),
+        "languages": {tag: language_name(tag) for tag in study.languages},
         "ticket": ticket,
         "earlier": earlier,
     }

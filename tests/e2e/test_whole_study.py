@@ -90,7 +90,7 @@ def sees_question(person: Person, number: int) -> None:
 
 
 def report(waits_ms: list[float], of_page: list[int], of_server: list[int]) -> None:
-    print(  # noqa: T201
+    print(
         f"\n{len(waits_ms)} next questions: median {np.median(waits_ms):.0f} ms, "
         f"90 % within {np.quantile(waits_ms, 0.9):.0f} ms; "
         f"page {of_page[0] / 1e6:.1f} to {of_page[-1] / 1e6:.1f} MB, {growth_per_query(of_page):+.0f} bytes a query; "
