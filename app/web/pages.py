@@ -83,6 +83,14 @@ def error_response(request: Request, status: int, code: str, title: str, text: s
     return error_json(status, code, f"{title}. {text}")
 
 
+def form_page(request: Request, template: str, context: dict[str, Any], status: int = 200) -> HTMLResponse:
+    """Returns a page with a form."""
+    response = templates.TemplateResponse(request, template, context, status)
+    # Under `no-referrer`, browsers send the form with the origin "null", which the guard refuses.
+    response.headers["Referrer-Policy"] = "same-origin"
+    return response
+
+
 def message_page(request: Request, title: str, text: str, status: int) -> HTMLResponse:
     """Returns a page that only says something.
 
