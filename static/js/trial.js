@@ -271,7 +271,6 @@ function takeHands() {
 function start() {
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) return cover("cannot-draw", true);
-  if (PAGES.includes(screen.kind)) return;
   takeHands();
   stage.arrange();
   stage.load();
