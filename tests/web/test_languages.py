@@ -38,7 +38,7 @@ FILLED_IN = {
     r"\{% trans.*?endtrans %\}": "",
     r"\{% block \w*class %\}.*?\{% endblock %\}": "",
     r"\{%.*?%\}": "",
-    r"\{\{.*?\}\}": "x",
+    r"\{\{.*?\}\}": "x ",
 }
 REMEDY = "Run `make messages` and translate what is new in static/locale."
 
