@@ -108,9 +108,7 @@ def _read(item: Item, sent: Sequence[str]) -> Value | Problem:
     return _position(item, given[0])
 
 
-def _text(item: TextItem, typed: str) -> Value | Problem:
-    # Browsers send the end of a line as two characters.
-    text = typed.replace("\r\n", "\n")
+def _text(item: TextItem, text: str) -> Value | Problem:
     if item.required and not text.strip():
         return Problem.MISSING
     return Problem.TOO_LONG if len(text) > item.longest else text or None

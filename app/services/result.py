@@ -65,7 +65,8 @@ def result_of(runtime: Runtime, live: LiveSession) -> Result | None:
 def _average(study: Study, weights: list[np.ndarray]) -> Float[np.ndarray, " n_features"]:
     """Returns the mean of people's shares; what each has learned besides is their own, and left out."""
     n_features = len(study.domain.feature_names)
-    return np.mean([_shares(one[:n_features]) for one in weights], axis=0)
+    shares: np.ndarray = np.mean([_shares(one[:n_features]) for one in weights], axis=0)
+    return shares
 
 
 def _taste(study: Study, weights: Float[np.ndarray, " n_features"]) -> Taste:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from app.errors import AppError
+from app.stage.clip import N_FLAGS
 from app.stage.framing import Layout
 from app.stage.stage import Picture, Playing, Stage, StageBusyError
 
@@ -27,6 +28,8 @@ class Action(Enum):
     """To a place in the loop, in seconds."""
     SPEED = "speed"
     """In seconds of the loop per second."""
+    LOADED = "loaded"
+    """The clip whose flag is the value has loaded, so it may be revealed."""
     WIDE = "wide"
     TALL = "tall"
     STILL = "still"
@@ -163,7 +166,7 @@ class StageKeeper:
         Args:
             session_id: Whose page.
             action: What it asks.
-            value: For `seek` the place in the loop in seconds, for `speed` 0.5, 1 or 2; else none.
+            value: For `seek` the place in the loop in seconds, for `speed` 0.5, 1 or 2, for `loaded` the flag.
 
         Returns:
             Whether it could be done: without a stage, only the layout and the wish to start still can be noted,
@@ -265,6 +268,7 @@ _DEEDS: dict[Action, Callable[[Stage, float], None]] = {
     Action.RESUME: lambda stage, _: stage.resume(),
     Action.SEEK: lambda stage, position_s: stage.seek(position_s),
     Action.SPEED: lambda stage, speed: stage.set_speed(speed),
+    Action.LOADED: lambda stage, flag: stage.has_loaded(int(flag)),
 }
 
 
@@ -275,5 +279,8 @@ def _check(action: Action, value: float | None) -> None:
     elif action is Action.SEEK:
         if value is None or not 0.0 <= value <= _LATEST_S:
             raise InvalidActionError(f"Expected a place in the loop from 0 to {_LATEST_S:g} s, got {value}.")
+    elif action is Action.LOADED:
+        if value not in range(1, N_FLAGS + 1):
+            raise InvalidActionError(f"Expected a flag from 1 to {N_FLAGS}, got {value}.")
     elif value is not None:
         raise InvalidActionError(f"Expected no value with '{action.value}', got {value}.")

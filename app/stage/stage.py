@@ -2,9 +2,10 @@
 
 How clips change without a flicker. viser's browser client parses a GLB asynchronously and shows nothing of it
 until it is done, so replacing a clip under its own name leaves some frames empty. Therefore two names take
-turns: the new clip is added hidden, gets `REVEAL_S` to load, and is then revealed in the same message batch
-that removes the old one. A clip's clock starts when it has loaded, hidden or not; a clip holds its first
-pose for longer than that, and positions for pause and resume account for it.
+turns: the new clip is added behind the scene, where the camera sees only its flag. When the page has seen the
+flag, the clip has loaded, and is brought forward in the same message batch that moves the old one away. Without
+word from a page that happens after `REVEAL_AT_LATEST_S`. A clip's clock starts when it has loaded, wherever it
+is; a clip holds its first pose for longer than that, and positions for pause and resume account for it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,17 @@ import rich
 import viser
 
 from app.errors import AppError
-from app.stage.clip import TAIL_S, build_clip, duration_s
+from app.stage.clip import GONE_Z, N_FLAGS, PARKED_Z, TAIL_S, build_clip, duration_s
 from app.stage.framing import CAMERA, Layout
 from study_core.scene import Scene
 
-REVEAL_S = 0.25
-"""How long a new clip may load before it takes the old one's place."""
+REVEAL_S = 0.15
+"""How long a new clip takes to appear, until the page has shown how long it takes there."""
+
+REVEAL_AT_LATEST_S = 1.0
+"""When a new clip takes the old one's place though no page has said that it has loaded."""
+
+_TIDY_S = 0.25
 
 _HOST = "127.0.0.1"
 _FIRST_PORT = 8180
@@ -111,6 +117,7 @@ class Stage:
         self._picture: Picture | None = None
         self._play = _Play(0.0, clock(), False, 1.0)
         self._speed = 1.0
+        self._reveal_s = REVEAL_S
         self._starts_still = False
         self._shown: viser.GlbHandle | None = None
         self._coming: viser.GlbHandle | None = None
@@ -201,6 +208,18 @@ class Stage:
                 self._layout = layout
                 self._change(self._position_s(), self._play.is_frozen, at_once=True)
 
+    def has_loaded(self, flag: int) -> None:
+        """Reveals the clip that waits, now that a page has seen its flag; another clip's flag changes nothing."""
+        with self._lock:
+            if self._coming is not None and flag == self._flag:
+                self._reveal_s = min(self._clock() - self._play.since, REVEAL_AT_LATEST_S)
+                self._reveal(self._turn)
+                self._server.flush()
+
+    @property
+    def _flag(self) -> int:
+        return 1 + self._turn % N_FLAGS
+
     def close(self) -> None:
         """Stops the server and drops its clients; may take a second. Closing twice does no harm."""
         with self._lock:
@@ -218,7 +237,7 @@ class Stage:
 
     def _unseen_s(self) -> float:
         """How far a clip gets before it is revealed."""
-        return REVEAL_S * self._speed
+        return self._reveal_s * self._speed
 
     def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
         """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""
@@ -228,28 +247,41 @@ class Stage:
             return
         picture = self._picture
         start_s %= duration_s(picture.a, picture.b)
-        clip = build_clip(picture.a, picture.b, self._layout, start_s, is_frozen, self._speed, picture.number)
         self._turn += 1
+        clip = build_clip(
+            picture.a,
+            picture.b,
+            self._layout,
+            start_s,
+            is_frozen,
+            self._speed,
+            picture.number,
+            self._flag,
+        )
         self._play = _Play(start_s, self._clock(), is_frozen, self._speed)
+        is_immediate = at_once or self._shown is None
         with self._server.atomic():
             for old in (self._coming, self._leaving):
                 _remove(old)
             self._leaving = None
             self._coming = self._server.scene.add_glb(
-                self._free_name(), clip, visible=False, cast_shadow=False, receive_shadow=False
+                self._free_name(),
+                clip,
+                position=(0.0, 0.0, PARKED_Z),
+                cast_shadow=False,
+                receive_shadow=False,
             )
-            is_immediate = at_once or self._shown is None
             if is_immediate:
                 self._reveal(self._turn)
         # viser gathers messages for up to a sixtieth of a second; a person should not wait for that.
         self._server.flush()
         if not is_immediate:
-            self._later(self._reveal)
+            self._later(REVEAL_AT_LATEST_S, self._reveal)
 
-    def _later(self, step: Callable[[int], None]) -> None:
+    def _later(self, delay_s: float, step: Callable[[int], None]) -> None:
         """Runs a step in a while, in the viser server's own thread."""
         loop = self._server.get_event_loop()
-        loop.call_soon_threadsafe(loop.call_later, REVEAL_S, step, self._turn)
+        loop.call_soon_threadsafe(loop.call_later, delay_s, step, self._turn)
 
     def _free_name(self) -> str:
         return "/even" if self._shown is not None and self._shown.name == "/odd" else "/odd"
@@ -260,14 +292,14 @@ class Stage:
             if turn != self._turn or self._coming is None or self._is_closed:
                 return
             with self._server.atomic():
-                self._coming.visible = True
+                self._coming.position = (0.0, 0.0, 0.0)
                 if self._shown is not None:
-                    self._shown.visible = False
+                    self._shown.position = (0.0, 0.0, GONE_Z)
             self._shown, self._leaving, self._coming = self._coming, self._shown, None
-            self._later(self._tidy)
+            self._later(_TIDY_S, self._tidy)
 
     def _tidy(self, turn: int) -> None:
-        """Removes the hidden old clip, unless a newer change has done so already."""
+        """Removes the old clip, unless a newer change has done so already."""
         with self._lock:
             if turn == self._turn and not self._is_closed:
                 _remove(self._leaving)

@@ -1,4 +1,4 @@
-"""What a page's form sends: its fields, as the browser wrote them; files can't be sent at all."""
+"""The fields of a form as a browser sends it, urlencoded; files can't be sent at all."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from fastapi import Depends, HTTPException, Request
 from app.web.languages import N_
 
 Fields = dict[str, list[str]]
-"""Each field of a page with all its values, in the order in which they were sent."""
+"""Each field with all its values, in the order in which they were sent."""
 
 _MOST_FIELDS = 1000
 _KIND = "application/x-www-form-urlencoded"
-_NOT_A_FORM = (
+_UNREADABLE = (
     N_("This page could not be read"),
-    N_("Please go back, load the page again and send it once more."),
+    N_("Go back to the study’s page and send it again. What was saved before is still there."),
 )
 
 
@@ -24,16 +24,19 @@ async def _fields_of(request: Request) -> Fields:
     # The guard has seen to its size.
     body = await request.body()
     if body and request.headers.get("content-type", "").partition(";")[0].strip().lower() != _KIND:
-        raise HTTPException(415, _NOT_A_FORM)
-    sent = body.decode("utf-8", errors="replace")
+        raise HTTPException(415, _UNREADABLE)
     try:
-        return parse_qs(sent, keep_blank_values=True, errors="replace", max_num_fields=_MOST_FIELDS)
+        fields = parse_qs(
+            body.decode("ascii"), keep_blank_values=True, errors="strict", max_num_fields=_MOST_FIELDS
+        )
     except ValueError as error:
-        raise HTTPException(400, _NOT_A_FORM) from error
+        raise HTTPException(400, _UNREADABLE) from error
+    # Browsers send a line's end as two characters, whatever was typed.
+    return {name: [value.replace("\r\n", "\n") for value in values] for name, values in fields.items()}
 
 
 SentForm = Annotated[Fields, Depends(_fields_of)]
-"""The form in a request's body; anything else, a file above all, is refused."""
+"""The form that a request brings."""
 
 
 def number_in(form: Fields, name: str) -> int | None:

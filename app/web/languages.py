@@ -16,7 +16,7 @@ from babel import Locale, UnknownLocaleError, negotiate_locale
 from babel.dates import format_date, format_time, get_timezone_gmt
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
-from babel.numbers import format_decimal
+from babel.numbers import format_decimal, format_percent
 from babel.units import format_unit
 
 from app.settings import STATIC
@@ -70,6 +70,11 @@ def language_name(language: str) -> str:
 def format_number(value: float, language: str) -> str:
     """Returns a number as the language writes it, e.g. `1.234,5` in German."""
     return format_decimal(value, locale=_locale(language))
+
+
+def format_share(share: float, language: str) -> str:
+    """Returns a share of 1 as the language writes percent, e.g. `42 %` in German."""
+    return format_percent(share, locale=_locale(language))
 
 
 def format_minutes(minutes: int, language: str) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,8 @@ from study_core.scene import Bounds, Mesh, Scene, Track
 _EVERY_S = 0.8
 # Later is stronger, so that the eye follows the way.
 _FAINTEST = 0.22
+# Ground before and after everything that happens, in scene units.
+_MARGIN = 0.1
 # Body parts no larger than this, in scene units squared, can't be seen at the size of the picture.
 _SMALLEST = 2e-5
 
@@ -49,9 +52,8 @@ def pictures_of(domain: Domain, drives: Sequence[Float[np.ndarray, " n_controls"
         drives: Their controls.
     """
     scenes = [domain.scene(controls) for controls in drives]
-    bounds = scenes[0].bounds
-    for scene in scenes[1:]:
-        bounds = bounds.union(scene.bounds)
+    bounds = reduce(Bounds.union, (scene.bounds for scene in scenes))
+    bounds = replace(bounds, y_min=bounds.y_min - _MARGIN, y_max=bounds.y_max + _MARGIN)
     return [_picture(scene, _View(bounds)) for scene in scenes]
 
 
@@ -93,7 +95,8 @@ def _seen(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 3 3"]:
     """Returns the triangles that face upwards and are large enough to be seen."""
     edges = triangles[:, 1:, :2] - triangles[:, :1, :2]
     areas = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    return triangles[areas > _SMALLEST]
+    seen: np.ndarray = triangles[areas > _SMALLEST]
+    return seen
 
 
 def _within(mesh: Mesh, bounds: Bounds) -> Float[np.ndarray, "m 3 3"]:
@@ -102,7 +105,8 @@ def _within(mesh: Mesh, bounds: Bounds) -> Float[np.ndarray, "m 3 3"]:
     least, most = triangles.min(axis=1), triangles.max(axis=1)
     across = (most[:, 0] >= bounds.x_min) & (least[:, 0] <= bounds.x_max)
     along = (most[:, 1] >= bounds.y_min) & (least[:, 1] <= bounds.y_max)
-    return triangles[across & along]
+    shown: np.ndarray = triangles[across & along]
+    return shown
 
 
 def _drawn(view: _View, triangles: Float[np.ndarray, "n 3 3"], colour: str) -> str:

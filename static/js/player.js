@@ -4,7 +4,7 @@
 // for the slider and for how much of the loop has been watched.
 import { byId, wait, word, write } from "./page.js";
 
-const SEEK_MS = 280; // a still picture takes a quarter of a second to appear; see app/stage/stage.py
+const SEEK_MS = 1000; // a picture that hasn't appeared by then is no longer waited for
 const STEP_S = 0.6; // whoever goes on from what they have watched by no more has watched on
 
 const button = byId("pause");
@@ -43,6 +43,12 @@ export class Player {
   /** Asks the server how the clip plays. */
   async sync() {
     this.setClock(await this.stage.playing());
+  }
+
+  /** A new clip is on the screen. */
+  onRevealed(playing) {
+    this.setClock(playing);
+    this.revealed?.();
   }
 
   /** The picture is answered, or gone. */
@@ -148,9 +154,11 @@ export class Player {
   }
 
   async reachWanted() {
-    for (let position = null; position !== this.wanted; await wait(SEEK_MS)) {
+    for (let position = null; position !== this.wanted; ) {
       position = this.wanted;
+      const isThere = new Promise((done) => (this.revealed = done));
       await this.command("seek", position);
+      await Promise.race([isThere, wait(SEEK_MS)]);
     }
     this.wanted = null;
   }

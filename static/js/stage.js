@@ -4,20 +4,28 @@
 // sides, in one of eight colours (app/stage/clip.py). viser draws the mark in the same frame as the cars. Browsers
 // run a page's animation frame before that of the frames inside it, so what the page finds there in one animation
 // frame was drawn in the one before: that one's time is the picture's first.
+//
+// When a clip may be revealed. Beside the mark flies the flag of a clip that has loaded and waits behind the scene;
+// the page tells the server so (app/stage/stage.py).
 import { nextFrame, wait } from "./page.js";
 
 const N_MARKS = 8;
 const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches after so long, is loaded again
 const UNREADABLE_MS = 15000; // a browser that lets nobody read its pixels has surely drawn by then
-const REVEAL_MS = 350; // a new picture takes this long to appear; see app/stage/stage.py
+const REVEAL_MS = 1100; // by then a new picture has appeared in any case; see app/stage/stage.py
+const FLAG_SHIFT = 0.03; // from the middle along the gutter, in heights of the picture; see app/stage/clip.py
+const EXPECT_MS = 1500; // a change that hasn't come by then won't
 const FULL_HOUSE_MS = 6000;
 const TALL_BELOW = 1.05; // width over height of the window
 
-const sample = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+const sample = new OffscreenCanvas(2, 1).getContext("2d", { willReadFrequently: true });
 const stillness = matchMedia("(prefers-reduced-motion: reduce)");
 
 export class Stage {
-  /** `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come. */
+  /**
+   * `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come,
+   * `hears.revealed(playing)` that a new clip is on the screen, and how it plays.
+   */
   constructor(frame, connection, hears) {
     this.frame = frame;
     this.connection = connection;
@@ -27,6 +35,8 @@ export class Stage {
     this.nViewers = 0; // how many stages the server sees on this session
     this.canRead = false; // whether a mark has ever been read
     this.seen = { mark: null, at: 0 };
+    this.flag = 0; // the flag seen last
+    this.watchUntil = 0;
     this.isWatching = false;
     frame.addEventListener("load", () => this.onLoad());
     stillness.addEventListener("change", () => this.command(this.motion));
@@ -94,6 +104,7 @@ export class Stage {
 
   /** Asks something of the stage; gives how the clip plays then, or null. A stage that can't has lost its server. */
   async command(action, value) {
+    this.watch();
     try {
       const response = await this.connection.request("stage", { action, value });
       if (response.ok) return await response.json();
@@ -116,41 +127,60 @@ export class Stage {
     return this.frame.contentDocument?.querySelector("canvas[data-engine]") ?? null;
   }
 
-  /** The number of the picture that the canvas shows, or null while it shows none. */
-  mark() {
+  /** The number of the picture that the canvas shows, and the flag of the clip that waits; null without a picture. */
+  read() {
     const canvas = this.canvas;
     if (!canvas || canvas.width === 0 || canvas.height === 0) return null;
-    sample.clearRect(0, 0, 1, 1);
-    sample.drawImage(canvas, canvas.width >> 1, canvas.height >> 1, 1, 1, 0, 0, 1, 1);
-    const [red, green, blue, alpha] = sample.getImageData(0, 0, 1, 1).data;
-    return alpha === 255 ? (red > 127 ? 1 : 0) + (green > 127 ? 2 : 0) + (blue > 127 ? 4 : 0) : null;
+    const [x, y] = [canvas.width >> 1, canvas.height >> 1];
+    const shift = Math.round(FLAG_SHIFT * canvas.height);
+    sample.clearRect(0, 0, 2, 1);
+    sample.drawImage(canvas, x, y, 1, 1, 0, 0, 1, 1);
+    if (this.layout === "wide") sample.drawImage(canvas, x + shift, y, 1, 1, 1, 0, 1, 1);
+    else sample.drawImage(canvas, x, y - shift, 1, 1, 1, 0, 1, 1);
+    const pixels = sample.getImageData(0, 0, 2, 1).data;
+    return pixels[3] === 255 ? { mark: numberOf(pixels, 0), flag: numberOf(pixels, 4) } : null;
   }
 
-  /** Begins to look for the next picture, so that its first frame isn't missed whatever the network does. */
-  async watch() {
-    if (this.isWatching) return;
+  /** Looks, frame by frame, for as long as a change is expected: reading pixels takes time, so not always. */
+  watch() {
+    this.watchUntil = performance.now() + EXPECT_MS;
+    if (!this.isWatching) this.look();
+  }
+
+  async look() {
     this.isWatching = true;
     let before = await nextFrame();
-    while (this.isWatching) {
+    while (performance.now() < this.watchUntil) {
       const now = await nextFrame();
-      const mark = this.mark();
-      if (mark !== this.seen.mark) this.seen = { mark, at: before };
-      if (mark !== null) this.canRead = true;
+      this.take(this.read(), before);
       before = now;
     }
+    this.isWatching = false;
+  }
+
+  take(found, at) {
+    const mark = found?.mark ?? null;
+    if (mark !== this.seen.mark) this.seen = { mark, at };
+    if (found === null) return;
+    this.canRead = true;
+    if (found.flag !== this.flag && found.flag !== 0) this.reveal(found.flag);
+    this.flag = found.flag;
+  }
+
+  async reveal(flag) {
+    const response = await this.connection.request("stage", { action: "loaded", value: flag }).catch(() => null);
+    if (response?.ok) this.hears.revealed(await response.json());
   }
 
   /** Gives when a query's picture was first seen; `isWanted` tells whether anybody still asks. */
   async firstFrame(queryIndex, isWanted) {
-    this.watch();
     for (;;) {
+      this.watch();
       await nextFrame();
       if (!isWanted()) return null;
-      if (this.seen.mark === queryIndex % N_MARKS) break;
+      if (this.seen.mark === queryIndex % N_MARKS) return { at: this.seen.at, isSeen: true };
       if (this.isUnreadable()) return this.assumedFirstFrame(isWanted);
     }
-    this.isWatching = false;
-    return { at: this.seen.at, isSeen: true };
   }
 
   isUnreadable() {
@@ -161,6 +191,11 @@ export class Stage {
     await wait(REVEAL_MS);
     return isWanted() ? { at: performance.now(), isSeen: false } : null;
   }
+}
+
+/** What a mark's or flag's colour says: a bit in each of red, green and blue. */
+function numberOf(pixels, from) {
+  return [0, 1, 2].reduce((sum, bit) => sum + (pixels[from + bit] > 127 ? 1 << bit : 0), 0);
 }
 
 /** viser draws nothing without WebGL 2 and doesn't say so. */

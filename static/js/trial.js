@@ -24,7 +24,11 @@ let sending = null; // index of the query whose answer is on its way
 let settled = null; // index of the query that this page has answered or taken back last
 
 const connection = new Connection({ screen: apply, offline: onOffline });
-const stage = new Stage(byId("stage"), connection, { busy: onBusy, loaded: onStageLoaded });
+const stage = new Stage(byId("stage"), connection, {
+  busy: onBusy,
+  loaded: onStageLoaded,
+  revealed: (playing) => player.onRevealed(playing),
+});
 const measures = new Measures(stage);
 const player = new Player(stage, measures.tally, { watched: unlock, remaining: countDown });
 

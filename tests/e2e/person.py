@@ -26,7 +26,8 @@ POSITIONS = ("first", "second")
 _RECORD = """() => {
   if (window.seen) return;
   window.seen = [];
-  const isVisible = (node) => node === null || (node.visible && isVisible(node.parent));
+  // A clip that isn't to be seen yet, or no more, lies far behind the scene.
+  const isVisible = (node) => node === null || (node.visible && node.position.z > -50 && isVisible(node.parent));
   const look = () => {
     const viser = window.__viserMutable;
     for (const name of ["/odd", "/even"]) {

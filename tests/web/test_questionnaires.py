@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from app.settings import find_study
-from app.web.forms import Fields, SentForm
+from app.web.forms import Fields, SentForm, number_in
 from app.web.questionnaires import fields, what_to_mend
 from study_core.path import Item
 from study_core.questionnaire import Problem, check
@@ -47,13 +47,18 @@ def post(**content: Any) -> httpx.Response:
 @settings(max_examples=50)
 @given(st.dictionaries(st.text(min_size=1), st.lists(st.text(), min_size=1, max_size=3), max_size=4))
 def test_a_form_is_read_as_it_was_filled_in(form: Fields) -> None:
-    assert post(content=urlencode(form, doseq=True), headers=URLENCODED).json() == form
+    typed = {name: [value.replace("\r\n", "\n") for value in values] for name, values in form.items()}
+    assert post(content=urlencode(form, doseq=True), headers=URLENCODED).json() == typed
+
+
+def test_the_end_of_a_line_is_one_character_again() -> None:
+    assert post(content="it=one%0D%0Atwo", headers=URLENCODED).json() == {"it": ["one\ntwo"]}
 
 
 @settings(max_examples=50)
 @given(st.binary(max_size=200))
-def test_a_form_of_any_bytes_is_read(body: bytes) -> None:
-    assert post(content=body, headers=URLENCODED).status_code == 200
+def test_a_form_of_any_bytes_is_read_or_refused(body: bytes) -> None:
+    assert post(content=body, headers=URLENCODED).status_code in (200, 400)
 
 
 def test_a_form_without_fields_is_empty() -> None:
@@ -67,6 +72,12 @@ def test_files_and_other_contents_are_refused() -> None:
 
 def test_a_form_of_thousands_of_fields_is_refused() -> None:
     assert post(content="a&" * 2000, headers=URLENCODED).status_code == 400
+
+
+def test_a_number_of_ours_is_read_or_there_is_none() -> None:
+    assert number_in({"step": ["12"]}, "step") == 12
+    for values in ([], [""], ["1", "2"], ["-1"], ["1.0"], ["٢"], ["9" * 10]):
+        assert number_in({"step": values}, "step") is None
 
 
 @pytest.mark.parametrize(("language", "label"), [("en", "How old are you"), ("de", "Wie alt sind Sie")])
