@@ -59,7 +59,7 @@ def opened(tmp_path: Path) -> Opener:
     database = tmp_path / "site.db"
 
     @contextmanager
-    def open_it(sections: str = "", steps: str = "") -> Iterator[Place]:
+    def open_it(sections: str = "", steps: str = STEPS) -> Iterator[Place]:
         study = parse_study(find_study("quickstart").text + steps + sections)
         url = f"sqlite:///{database}"
         settings = wiring.ServeSettings(study, url, "127.0.0.1", 0, 1, None, None)
