@@ -379,7 +379,7 @@ def test_stopping_asks_twice_and_keeps_the_answers(opened: Opener) -> None:
         assert alice.get(LINK).headers["location"] == home
         assert place.store.ending(session.id) == "stopped"
         assert alice.post(f"{home}stop", data={"what": "keep"}).status_code == 303
-        assert len(place.store.events(session.id)) == 2
+        assert [event.kind for event in place.store.events(session.id)].count("session_ended") == 1
     with opened(ending) as place, place.browser() as later:
         assert "STOP-7" in later.get(home).text
 
