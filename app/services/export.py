@@ -92,7 +92,7 @@ def _write_study(folder: Path, study: Study) -> None:
 def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[str, Row]]:
     """Gives every row of one person, with the name of its table."""
     events = store.events(record.id)
-    yield "people", _person_row(record, study, events)
+    yield "people", _person_row(store, record, study)
     for event in events:
         yield "events", _event_row(record, event)
         if event.kind == "query_prepared":
@@ -103,8 +103,8 @@ def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[s
         yield "posteriors", _posterior_row(record, study, posterior)
 
 
-def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, ...]) -> Row:
-    n_answers = sum(event.kind == "answer_given" for event in events)
+def _person_row(store: Store, record: SessionRecord, study: Study) -> Row:
+    n_answers, person = store.n_answers(record.id), store.external_person(record.id)
     return {
         "person_id": record.id,
         "study": study.name,
@@ -114,6 +114,9 @@ def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, 
         "created_at": record.created_at.isoformat(),
         "n_answers": n_answers,
         "is_finished": n_answers == study.n_queries,
+        "ending": store.ending(record.id),
+        "external_id": None if person is None else person.external_id,
+        "other_ids": {} if person is None else person.other_ids,
     }
 
 

@@ -62,7 +62,7 @@ def new_table(path: Path) -> Iterator[Table]:
 def _flatten(row: Row) -> Iterator[tuple[str, Any]]:
     """Gives lists and mappings as one column an entry; what has no fixed entries stays JSON in one cell."""
     for key, value in row.items():
-        if key in ("payload", "stream", "versions", "clips"):
+        if key in ("payload", "stream", "versions", "clips", "other_ids"):
             yield key, json.dumps(value)
         elif isinstance(value, dict):
             yield from ((f"{key}_{name}", entry) for name, entry in value.items())
