@@ -10,7 +10,7 @@ PYTEST := $(BIN)/pytest -n $(WORKERS) --dist loadfile
 SOURCES := app study_core migrations tests
 
 .DEFAULT_GOAL := help
-.PHONY: run test check check-slow bench format chromium clean help
+.PHONY: run test check check-slow bench format messages chromium clean help
 
 run: .venv/runtime.stamp ## Set up, then serve the quickstart study; prints the participant's link
 	$(BIN)/prefstudy serve --study quickstart
@@ -39,6 +39,12 @@ bench: .venv/bench.stamp ## Measure queries, drives, posterior, training and ser
 format: .venv/dev.stamp ## Format, and mend what the linter can mend
 	$(BIN)/ruff check --fix $(SOURCES)
 	$(BIN)/ruff format $(SOURCES)
+
+messages: .venv/dev.stamp ## Bring the translations' catalogues up to date with the words in templates and code
+	mkdir -p build
+	$(BIN)/pybabel -q extract --mapping pyproject.toml --add-location file --output build/prefstudy.pot .
+	$(BIN)/pybabel -q update --domain prefstudy --input-file build/prefstudy.pot --output-dir static/locale \
+		--no-fuzzy-matching --ignore-obsolete --ignore-pot-creation-date --width 110
 
 chromium: ## Install Chromium, which the browser tests drive, when there is none
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || \

@@ -3,11 +3,19 @@
 The only package that imports SQLAlchemy. Its rows stay inside; records go in and come out.
 """
 
-from app.store.errors import PopulationWithdrawnError, PositionTakenError, SessionDeletedError, StoreError
+from app.store.errors import (
+    PersonKnownError,
+    PopulationWithdrawnError,
+    PositionTakenError,
+    SessionDeletedError,
+    StoreError,
+    TokenTakenError,
+)
 from app.store.locking import serve_lock
 from app.store.records import (
     Deletion,
     EventRecord,
+    ExternalPerson,
     ImportedSession,
     MeasureRecord,
     ModelRecord,
@@ -22,11 +30,13 @@ from app.store.store import Store, open_existing_store, open_store
 __all__ = [
     "Deletion",
     "EventRecord",
+    "ExternalPerson",
     "ImportedSession",
     "MeasureRecord",
     "ModelRecord",
     "NewEvent",
     "NewReport",
+    "PersonKnownError",
     "PopulationWithdrawnError",
     "PositionTakenError",
     "PosteriorRecord",
@@ -35,6 +45,7 @@ __all__ = [
     "Source",
     "Store",
     "StoreError",
+    "TokenTakenError",
     "open_existing_store",
     "open_store",
     "serve_lock",

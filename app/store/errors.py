@@ -18,5 +18,13 @@ class PositionTakenError(StoreError):
     """
 
 
+class TokenTakenError(StoreError):
+    """The token opens a session already; nothing was written."""
+
+
+class PersonKnownError(StoreError):
+    """The external id has a session already; nothing was written."""
+
+
 class PopulationWithdrawnError(PositionTakenError):
     """Somebody whom the session's start was learned from has been deleted. Nothing was written; read the log again."""

@@ -19,17 +19,16 @@ from app.store.utc import now
 
 _ANSWER = "answer_given"
 _PREPARED = "query_prepared"
+_TAKEN_BACK = "answer_taken_back"
 _ADOPTED = "population_adopted"
 
-_LAST_POSITION = (
-    select(
-        select(func.max(EventRow.position))
-        .where(EventRow.session_id == bindparam("session_id"))
-        .scalar_subquery()
-        .label("position")
-    )
+_LAST = (
+    select(EventRow.position, EventRow.revision, EventRow.taken_back_query)
     .select_from(SessionRow)
+    .outerjoin(EventRow, EventRow.session_id == SessionRow.id)
     .where(SessionRow.id == bindparam("session_id"))
+    .order_by(EventRow.position.desc())
+    .limit(1)
 )
 
 
@@ -41,9 +40,9 @@ def of_session(rows: Session, session_id: str) -> tuple[EventRecord, ...]:
 
 
 def active_of_session(rows: Session, session_id: str, n_active: int) -> tuple[EventRecord, ...]:
-    """The log without the queries from number `n_active` on, and without their answers."""
+    """The log without the queries from number `n_active` on, and without their answers, also those taken back."""
     sessions.by_id(rows, session_id)
-    of_query = func.coalesce(EventRow.prepared_query, EventRow.answered_query)
+    of_query = func.coalesce(EventRow.prepared_query, EventRow.answered_query, EventRow.taken_back_query)
     query = (
         select(EventRow)
         .where(EventRow.session_id == session_id, or_(of_query.is_(None), of_query < n_active))
@@ -53,10 +52,10 @@ def active_of_session(rows: Session, session_id: str, n_active: int) -> tuple[Ev
 
 
 def n_answers(rows: Session, session_id: str) -> int:
-    """How many answers a session has; what they say isn't read."""
+    """How many answers of a session stand; what they say isn't read."""
     sessions.by_id(rows, session_id)
-    query = select(func.count(EventRow.answered_query)).where(EventRow.session_id == session_id)
-    return rows.scalar(query) or 0
+    n_standing = func.count(EventRow.answered_query) - func.count(EventRow.taken_back_query)
+    return rows.scalar(select(n_standing).where(EventRow.session_id == session_id)) or 0
 
 
 def append(
@@ -73,23 +72,27 @@ def append(
     for event in events:
         if event.kind == _ADOPTED:
             _refuse_if_deleted(rows, session_id, event.payload["learned_from"])
-    length = _length(rows, session_id)
+    length, revision = _end(rows, session_id)
     if length != expected_position:
         raise PositionTakenError(
             f"Expected the log of session {session_id} to have {expected_position} events, "
             f"it has {length}. Read the log again."
         )
     at = now()
-    values = [
-        _values(session_id, expected_position + offset, event, at) for offset, event in enumerate(events)
-    ]
+    values = []
+    for position, event in enumerate(events, start=expected_position):
+        values.append(_values(session_id, position, revision, event, at))
+        revision += event.kind == _TAKEN_BACK
     try:
         rows.execute(insert(table_of(EventRow)), values)
     except IntegrityError as error:
         raise PositionTakenError(
             f"Expected new events for session {session_id}, got one already in the log: {error.orig}. "
-            "A query is prepared once and answered once; read the log again."
+            "A query is prepared once and answered once, until its answer is taken back; read the log again."
         ) from error
+    for event in events:
+        if event.kind == _TAKEN_BACK:
+            posteriors.drop_after(rows, session_id, _query_index(event.payload))
     if posterior is not None:
         posteriors.add(rows, session_id, posterior)
 
@@ -106,7 +109,7 @@ def withdraw_populations(rows: Session, session_id: str) -> None:
         if payload["population"] is None:
             continue
         row.payload = encode_json({**payload, "population": None})
-        posteriors.drop_first(rows, row.session_id)
+        posteriors.drop(rows, row.session_id, 0)
     rows.flush()
 
 
@@ -129,19 +132,21 @@ def _withdrawn(session_id: str) -> PopulationWithdrawnError:
     )
 
 
-def _length(rows: Session, session_id: str) -> int:
-    """Length of a session's log.
+def _end(rows: Session, session_id: str) -> tuple[int, int]:
+    """Length of a session's log, and how many answers have been taken back in it.
 
     Raises:
         StoreError: When there is no such session.
     """
-    last = rows.execute(_LAST_POSITION, {"session_id": session_id}).one_or_none()
+    last = rows.execute(_LAST, {"session_id": session_id}).one_or_none()
     if last is None:
         raise sessions.unknown(rows, session_id)
-    return 0 if last.position is None else int(last.position) + 1
+    if last.position is None:
+        return 0, 0
+    return last.position + 1, last.revision + (last.taken_back_query is not None)
 
 
-def _values(session_id: str, position: int, event: NewEvent, at: datetime) -> dict[str, Any]:
+def _values(session_id: str, position: int, revision: int, event: NewEvent, at: datetime) -> dict[str, Any]:
     return {
         "session_id": session_id,
         "position": position,
@@ -150,6 +155,8 @@ def _values(session_id: str, position: int, event: NewEvent, at: datetime) -> di
         "at": at,
         "answered_query": _query_index(event.payload) if event.kind == _ANSWER else None,
         "prepared_query": _query_index(event.payload) if event.kind == _PREPARED else None,
+        "taken_back_query": _query_index(event.payload) if event.kind == _TAKEN_BACK else None,
+        "revision": revision,
     }
 
 
@@ -157,7 +164,7 @@ def _query_index(payload: dict[str, Any]) -> int:
     value = payload.get("query_index")
     if type(value) is not int:
         raise StoreError(
-            f"Expected an integer 'query_index' in the payload of '{_ANSWER}' and '{_PREPARED}', "
+            f"Expected an integer 'query_index' in the payload of '{_ANSWER}', '{_PREPARED}' and '{_TAKEN_BACK}', "
             f"got {value!r}. Put the query's own number there."
         )
     return value

@@ -1,8 +1,9 @@
 """The tables. Rows of these classes never leave the store.
 
-A session's log is append-only. Two guards stand in the tables themselves: a position is taken once, and a
-query is prepared once and answered once per session (`prepared_query` and `answered_query` are null for other
-events, and nulls never clash).
+A session's log is append-only. Guards stand in the tables themselves: a position is taken once; a query is prepared
+once and answered once per session, and once more after each answer taken back (`revision` counts those before an
+event; `prepared_query` and `answered_query` are null for other events, and nulls never clash); an external id has one
+session, and one more for each time that its session had become too old.
 """
 
 from __future__ import annotations
@@ -52,12 +53,11 @@ class StudyRow(Base):
 
 
 class SessionRow(Base):
-    """One person's run; only the hash of the person's token is kept, and an imported person has none."""
+    """One person's run; `ending` is how it ended, if it has."""
 
     __tablename__ = "sessions"
     __table_args__ = (
         UniqueConstraint("study_hash", "ordinal"),
-        UniqueConstraint("token_hash"),
         UniqueConstraint("import_digest"),
         CheckConstraint("ordinal >= 1", name="ordinal_from_one"),
         CheckConstraint("source IN ('joined', 'rehearsed', 'imported')", name="known_source"),
@@ -66,10 +66,41 @@ class SessionRow(Base):
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
     study_hash: Mapped[str] = mapped_column(ForeignKey("studies.study_hash"))
     ordinal: Mapped[int]
-    token_hash: Mapped[str | None] = mapped_column(String(64))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
     source: Mapped[str] = mapped_column(String(16))
     import_digest: Mapped[str | None] = mapped_column(String(64))
+    ending: Mapped[str | None] = mapped_column(String(16))
+
+
+class SessionTokenRow(Base):
+    """One of the secrets that open a session, by its hash alone; an imported session has none.
+
+    `code_hash` is of the code that gets the session another token, for whoever has only the code.
+    """
+
+    __tablename__ = "session_tokens"
+    __table_args__ = (UniqueConstraint("code_hash"),)
+
+    token_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), index=True)
+    code_hash: Mapped[str | None] = mapped_column(String(64))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class ExternalPersonRow(Base):
+    """Who somebody is to the service or experimenter that sent them, whatever version of the study they met.
+
+    The newest attempt is the one that counts; earlier ones have ended because they had become too old.
+    """
+
+    __tablename__ = "external_people"
+    __table_args__ = (UniqueConstraint("session_id"),)
+
+    study_name: Mapped[str] = mapped_column(String(255), primary_key=True)
+    external_id: Mapped[str] = mapped_column(String(200), primary_key=True)
+    attempt: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"))
+    other_ids: Mapped[str] = mapped_column(Text)
 
 
 class EventRow(Base):
@@ -77,8 +108,8 @@ class EventRow(Base):
 
     __tablename__ = "events"
     __table_args__ = (
-        UniqueConstraint("session_id", "answered_query"),
-        UniqueConstraint("session_id", "prepared_query"),
+        UniqueConstraint("session_id", "answered_query", "revision"),
+        UniqueConstraint("session_id", "prepared_query", "revision"),
         CheckConstraint("position >= 0", name="position_from_zero"),
     )
 
@@ -89,6 +120,8 @@ class EventRow(Base):
     at: Mapped[datetime] = mapped_column(UtcDateTime)
     answered_query: Mapped[int | None]
     prepared_query: Mapped[int | None]
+    taken_back_query: Mapped[int | None]
+    revision: Mapped[int]
 
 
 class PosteriorRow(Base):
@@ -171,6 +204,16 @@ class SharedModelPersonRow(Base):
     study_name: Mapped[str] = mapped_column(String(255), primary_key=True)
     kind: Mapped[str] = mapped_column(String(64), primary_key=True)
     session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id"), primary_key=True, index=True)
+
+
+class SecretRow(Base):
+    """A secret of the server's own, made when it was first needed."""
+
+    __tablename__ = "secrets"
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    value: Mapped[bytes] = mapped_column(LargeBinary)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
 
 
 class TombstoneRow(Base):

@@ -13,7 +13,7 @@ from app.store.records import PosteriorRecord
 
 
 def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
-    """Adds the posterior of a query."""
+    """Adds the posterior of a query, in the place of an earlier one if an answer before it was taken back."""
     mean, samples = posterior.mean, posterior.samples
     if mean.ndim != 1 or samples.ndim != 2 or samples.shape[1] != mean.shape[0]:
         raise StoreError(
@@ -30,6 +30,7 @@ def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
         "samples": encode_floats(samples),
         "summary": encode_json(posterior.summary),
     }
+    drop(rows, session_id, posterior.query_index)
     rows.execute(insert(table_of(PosteriorRow)), [values])
 
 
@@ -42,10 +43,16 @@ def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:
     return tuple(_record(row) for row in rows.scalars(query))
 
 
-def drop_first(rows: Session, session_id: str) -> None:
-    """Removes the posterior that a session has before any answer of its own."""
-    first = delete(PosteriorRow).where(PosteriorRow.session_id == session_id, PosteriorRow.query_index == 0)
-    rows.execute(first)
+def drop(rows: Session, session_id: str, query_index: int) -> None:
+    """Removes the posterior of a query, if there is one."""
+    its_own = (PosteriorRow.session_id == session_id) & (PosteriorRow.query_index == query_index)
+    rows.execute(delete(table_of(PosteriorRow)).where(its_own))
+
+
+def drop_after(rows: Session, session_id: str, query_index: int) -> None:
+    """Removes the posteriors of all queries after one, whose answer no longer stands."""
+    later = (PosteriorRow.session_id == session_id) & (PosteriorRow.query_index > query_index)
+    rows.execute(delete(table_of(PosteriorRow)).where(later))
 
 
 def _record(row: PosteriorRow) -> PosteriorRecord:

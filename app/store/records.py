@@ -43,12 +43,27 @@ class SessionRecord:
 
 
 @dataclass(frozen=True)
+class ExternalPerson:
+    """Who somebody is to the service or experimenter that sent them.
+
+    Attributes:
+        study_name: The study, whatever the version.
+        external_id: The name that tells people apart, such as Prolific's `PROLIFIC_PID`; at most 200 characters.
+        other_ids: What else the link said, such as Prolific's `STUDY_ID` and `SESSION_ID`.
+    """
+
+    study_name: str
+    external_id: str
+    other_ids: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class NewEvent:
     """Something that has happened and is to be put in the log.
 
     Attributes:
         kind: Past tense, such as `answer_given`.
-        payload: JSON; `answer_given` and `query_prepared` carry an integer `query_index`.
+        payload: JSON; `answer_given`, `query_prepared` and `answer_taken_back` carry an integer `query_index`.
     """
 
     kind: str
@@ -129,9 +144,10 @@ class ModelRecord:
 
 @dataclass(frozen=True)
 class Deletion:
-    """What deleting a session has removed.
+    """What deleting a person has removed.
 
     Attributes:
+        session_ids: Their sessions, one or, where one had become too old, several.
         n_answers: Answers of the person.
         n_personal_models: Models of that person alone.
         n_shared_models: Models that had learned from the person among others.
@@ -139,6 +155,7 @@ class Deletion:
             state of a SQLite database, nor on a server that keeps its files itself.
     """
 
+    session_ids: tuple[str, ...]
     n_answers: int
     n_personal_models: int
     n_shared_models: int

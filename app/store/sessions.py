@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from uuid import uuid4
 
-from sqlalchemy import func, select
+from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from app.store import studies
 from app.store.errors import SessionDeletedError, StoreError
-from app.store.models import SessionRow, StudyRow, TombstoneRow
+from app.store.models import SessionRow, StudyRow, TombstoneRow, table_of
 from app.store.records import SessionRecord, Source
 from app.store.utc import now
 
+_COMPLETED = "completed"
 _OLDEST_FIRST = (SessionRow.created_at, SessionRow.study_hash, SessionRow.ordinal)
 
 
-def create(
-    rows: Session, study_hash: str, source: Source, token_hash: str | None, import_digest: str | None = None
-) -> SessionRecord:
+def create(rows: Session, study_hash: str, source: Source, import_digest: str | None = None) -> SessionRecord:
     """Adds a session under the study's next number."""
     studies.text(rows, study_hash)
-    if token_hash is not None and by_token(rows, token_hash) is not None:
-        raise StoreError("Expected a fresh token, got one that a session already has. Draw another.")
     newest = rows.scalar(select(func.max(SessionRow.ordinal)).where(SessionRow.study_hash == study_hash))
     row = SessionRow(
         id=uuid4().hex,
         study_hash=study_hash,
         ordinal=(newest or 0) + 1,
-        token_hash=token_hash,
         source=source.value,
         import_digest=import_digest,
         created_at=now(),
@@ -36,12 +33,6 @@ def create(
     rows.add(row)
     rows.flush()
     return _record(row)
-
-
-def by_token(rows: Session, token_hash: str) -> SessionRecord | None:
-    """The session that a token opens, if any."""
-    row = rows.scalar(select(SessionRow).where(SessionRow.token_hash == token_hash))
-    return None if row is None else _record(row)
 
 
 def by_id(rows: Session, session_id: str) -> SessionRecord:
@@ -82,6 +73,33 @@ def of_study_named(rows: Session, name: str) -> list[SessionRecord]:
     versions = select(StudyRow.study_hash).where(StudyRow.name == name)
     query = select(SessionRow).where(SessionRow.study_hash.in_(versions)).order_by(*_OLDEST_FIRST)
     return [_record(row) for row in rows.scalars(query)]
+
+
+def n_within_reach(rows: Session, study_name: str, begun_since: datetime) -> int:
+    """How many participants of a study have completed it, or have begun it since then and not ended."""
+    versions = select(StudyRow.study_hash).where(StudyRow.name == study_name)
+    has_completed = SessionRow.ending == _COMPLETED
+    is_under_way = SessionRow.ending.is_(None) & (SessionRow.created_at >= begun_since)
+    query = select(func.count()).where(
+        SessionRow.study_hash.in_(versions),
+        SessionRow.source == Source.JOINED.value,
+        has_completed | is_under_way,
+    )
+    return rows.scalar(query) or 0
+
+
+def end(rows: Session, session_id: str, ending: str | None) -> None:
+    """Says how a session has ended, or that it goes on."""
+    changed = SessionRow.ending.is_distinct_from(ending)
+    rows.execute(
+        update(table_of(SessionRow)).where(SessionRow.id == session_id, changed).values(ending=ending)
+    )
+
+
+def ending(rows: Session, session_id: str) -> str | None:
+    """How a session has ended, if it has."""
+    by_id(rows, session_id)
+    return rows.scalar(select(SessionRow.ending).where(SessionRow.id == session_id))
 
 
 def _record(row: SessionRow) -> SessionRecord:

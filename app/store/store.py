@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from datetime import datetime
 from types import TracebackType
 from typing import Self
 
-from app.store import artifacts, deletion, events, learned, measures, posteriors, sessions, studies
+from app.store import (
+    artifacts,
+    deletion,
+    events,
+    external,
+    learned,
+    measures,
+    posteriors,
+    secrets,
+    sessions,
+    studies,
+    tokens,
+)
 from app.store.engine import Database, parse_url
 from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
 from app.store.records import (
     Deletion,
     EventRecord,
+    ExternalPerson,
     ImportedSession,
     MeasureRecord,
     ModelRecord,
@@ -113,19 +127,47 @@ class Store:
         with self._database.reading() as rows:
             return studies.name(rows, study_hash)
 
-    def create_session(self, study_hash: str, token_hash: str, source: Source) -> SessionRecord:
+    def create_session(
+        self,
+        study_hash: str,
+        token_hash: str,
+        source: Source,
+        code_hash: str | None = None,
+        person: ExternalPerson | None = None,
+        after: str | None = None,
+    ) -> SessionRecord:
         """Begins a session under the next free number of its study.
 
         Args:
             study_hash: A study that was put before.
             token_hash: Hash of the person's secret token; the token itself never comes here.
             source: Who walks it: a participant or a rehearsed person.
+            code_hash: Hash of the code that gets the session another token.
+            person: Who the person is to whoever sent them.
+            after: Id of that person's session before this one.
 
         Raises:
-            StoreError: When the study isn't known or the token is taken.
+            TokenTakenError: When the token opens a session already.
+            PersonKnownError: When the person's last session is another than `after`.
+            StoreError: When the study isn't known.
         """
         with self._database.writing() as rows:
-            return sessions.create(rows, study_hash, source, token_hash)
+            record = sessions.create(rows, study_hash, source)
+            tokens.add(rows, record.id, token_hash, code_hash)
+            if person is not None:
+                external.add(rows, record.id, person, after)
+            return record
+
+    def add_token(self, session_id: str, token_hash: str, code_hash: str | None = None) -> None:
+        """Lets another secret token open a session; doing it twice changes nothing.
+
+        Raises:
+            TokenTakenError: When it opens another one.
+            SessionDeletedError: When the session has been deleted meanwhile.
+        """
+        with self._database.writing() as rows:
+            sessions.by_id(rows, session_id)
+            tokens.add(rows, session_id, token_hash, code_hash)
 
     def add_imported(self, imported: ImportedSession) -> SessionRecord | None:
         """Keeps a whole session that another program ran, with its study: all of it, or nothing.
@@ -138,7 +180,8 @@ class Store:
                 return None
             studies.put(rows, imported.study_hash, imported.study_name, imported.study_text)
             rows.flush()
-            record = sessions.create(rows, imported.study_hash, Source.IMPORTED, None, imported.digest)
+            record = sessions.create(rows, imported.study_hash, Source.IMPORTED, imported.digest)
+            sessions.end(rows, record.id, "completed")
             events.append(rows, record.id, 0, imported.events, None)
             for posterior in imported.posteriors:
                 posteriors.add(rows, record.id, posterior)
@@ -147,7 +190,37 @@ class Store:
     def session_by_token(self, token_hash: str) -> SessionRecord | None:
         """The session a token opens, or None."""
         with self._database.reading() as rows:
-            return sessions.by_token(rows, token_hash)
+            return tokens.session(rows, token_hash)
+
+    def session_by_code(self, code_hash: str) -> SessionRecord | None:
+        """The session that a code gets another token for, or None."""
+        with self._database.reading() as rows:
+            return tokens.session_of_code(rows, code_hash)
+
+    def session_of_person(self, study_name: str, external_id: str) -> SessionRecord | None:
+        """The newest session of an external id in any version of a study, or None."""
+        with self._database.reading() as rows:
+            return external.session(rows, study_name, external_id)
+
+    def external_person(self, session_id: str) -> ExternalPerson | None:
+        """Who a session's person is to whoever sent them, or None."""
+        with self._database.reading() as rows:
+            return external.of_session(rows, session_id)
+
+    def n_within_reach(self, study_name: str, begun_since: datetime) -> int:
+        """How many participants have completed a study, or have begun it since then and not ended."""
+        with self._database.reading() as rows:
+            return sessions.n_within_reach(rows, study_name, begun_since)
+
+    def ending(self, session_id: str) -> str | None:
+        """How a session has ended, such as `completed`; None while it goes on."""
+        with self._database.reading() as rows:
+            return sessions.ending(rows, session_id)
+
+    def secret(self, name: str) -> bytes:
+        """A secret of the server's own, 32 random bytes: made when it is first asked for, the same ever after."""
+        with self._database.writing() as rows:
+            return secrets.get(rows, name)
 
     def session(self, session_id: str) -> SessionRecord:
         """The session of this id."""
@@ -165,7 +238,9 @@ class Store:
             return sessions.of_study_named(rows, name)
 
     def delete_session(self, session_id: str) -> Deletion:
-        """Removes a session for good: its log, posteriors, measures and models, and what others' models learned of it.
+        """Removes a person for good: log, posteriors, measures and models, and what others' models learned of them.
+
+        Where the person has an external id, all their sessions go, also one that had become too old.
 
         Whoever started from such a model goes on from their study file's prior: its numbers are taken out of their
         logs, the only entries of a log that are ever changed, and the posteriors that were drawn with it are removed.
@@ -190,7 +265,7 @@ class Store:
             return events.active_of_session(rows, session_id, n_active)
 
     def n_answers(self, session_id: str) -> int:
-        """How many answers a session has."""
+        """How many answers of a session stand; one that was taken back doesn't."""
         with self._database.reading() as rows:
             return events.n_answers(rows, session_id)
 
@@ -202,6 +277,7 @@ class Store:
         posterior: PosteriorRecord | None = None,
         report: NewReport | None = None,
         goes_on_from_people: bool = False,
+        ending: str | None = None,
     ) -> None:
         """Appends events to a session's log, all or none.
 
@@ -212,6 +288,7 @@ class Store:
             posterior: The posterior that a prepared query among the events was chosen from.
             report: What the browser measured while it showed an answered query.
             goes_on_from_people: Whether the caller believes that the session still has what the people before taught.
+            ending: How the session has ended with these events; None while it goes on.
 
         Raises:
             PopulationWithdrawnError: It hasn't, or the events hold what somebody taught who has been deleted since.
@@ -221,6 +298,7 @@ class Store:
         """
         with self._database.writing() as rows:
             events.append(rows, session_id, expected_position, new_events, posterior, goes_on_from_people)
+            sessions.end(rows, session_id, ending)
             if report is not None:
                 measures.add(rows, session_id, report)
 

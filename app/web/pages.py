@@ -2,15 +2,73 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from fastapi.templating import Jinja2Templates
+from jinja2 import Environment, FileSystemLoader, pass_context, select_autoescape
+from jinja2.runtime import Context
 
 from app.settings import STATIC
+from app.web.languages import choose_language, format_number, interface_languages, text_direction, translator
+from app.web.markdown import render_markdown
 
-templates = Jinja2Templates(STATIC / "templates")
-# What marks a string for people; until there is a catalogue, each says itself.
-templates.env.globals["_"] = str
+
+def page_language(request: Request) -> str:
+    """Returns the language of the page that answers a request, as a BCP 47 tag.
+
+    Whoever knows the person's session or study says so in `request.state.language`. Without it, for errors
+    above all, it is what the address (`?lang=`) or the browser asks for, among the languages of the interface.
+    """
+    known: str | None = getattr(request.state, "language", None)
+    return known or requested_language(request, interface_languages())
+
+
+def requested_language(request: Request, available: tuple[str, ...]) -> str:
+    """Returns which of these languages the address (`?lang=`) or else the browser asks for, or else the first."""
+    return choose_language(
+        request.query_params.get("lang"), request.headers.get("accept-language"), available
+    )
+
+
+def _language_context(request: Request) -> dict[str, Any]:
+    language = page_language(request)
+    return {"lang": language, "dir": text_direction(language), "translator": translator(language)}
+
+
+# The translator is part of each page's context, so that pages in several languages can be made at once.
+@pass_context
+def _gettext(context: Context, message: str) -> str:
+    translated: str = context["translator"].gettext(message)
+    return translated
+
+
+@pass_context
+def _ngettext(context: Context, one: str, many: str, n: int) -> str:
+    translated: str = context["translator"].ngettext(one, many, n)
+    return translated
+
+
+@pass_context
+def _number(context: Context, value: float) -> str:
+    return format_number(value, context["lang"])
+
+
+def _environment() -> Environment:
+    """Returns the templates' environment: `_`, `ngettext`, `{% trans %}`, and the filters `number` and `markdown`."""
+    environment = Environment(
+        loader=FileSystemLoader(STATIC / "templates"),
+        autoescape=select_autoescape(),
+        extensions=["jinja2.ext.i18n"],
+    )
+    environment.policies["ext.i18n.trimmed"] = True
+    environment.install_gettext_callables(_gettext, _ngettext, newstyle=True)  # type: ignore[attr-defined]
+    environment.filters |= {"number": _number, "markdown": render_markdown}
+    return environment
+
+
+templates = Jinja2Templates(env=_environment(), context_processors=[_language_context])
 
 
 def error_json(status: int, code: str, message: str) -> JSONResponse:
@@ -26,5 +84,14 @@ def error_response(request: Request, status: int, code: str, title: str, text: s
 
 
 def message_page(request: Request, title: str, text: str, status: int) -> HTMLResponse:
-    """Returns a page that only says something."""
-    return templates.TemplateResponse(request, "message.html", {"title": title, "text": text}, status)
+    """Returns a page that only says something.
+
+    Args:
+        request: Whom it answers; tells the language.
+        title: In English, marked for the catalogues by `N_`.
+        text: The same.
+        status: HTTP's.
+    """
+    words = translator(page_language(request))
+    context = {"title": words.gettext(title), "text": words.gettext(text)}
+    return templates.TemplateResponse(request, "message.html", context, status)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from app.store import (
+    ExternalPerson,
     ImportedSession,
     ModelRecord,
     NewEvent,
@@ -33,7 +34,9 @@ def secret(i, what):
 
 def somebody(store, i):
     """A person who leaves something in every table."""
-    session = store.create_session("hash", secret(i, "token"), Source.JOINED)
+    person = ExternalPerson("mine", secret(i, "pid"), {"STUDY_ID": secret(i, "visit")})
+    session = store.create_session("hash", secret(i, "token"), Source.JOINED, secret(i, "code"), person)
+    store.add_token(session.id, secret(i, "device"))
     for query_index in range(N_QUERIES):
         position = 2 * query_index
         prepared = NewEvent("query_prepared", {"query_index": query_index, "x": secret(i, "query") * 9})
@@ -67,7 +70,20 @@ def traces(url, text):
     return [path.name for path in folder.iterdir() if text in path.read_bytes()]
 
 
-WHAT = ("token", "query", "summary", "answer", "measure", "model0", "model1", "shared0")
+WHAT = (
+    "token",
+    "device",
+    "code",
+    "pid",
+    "visit",
+    "query",
+    "summary",
+    "answer",
+    "measure",
+    "model0",
+    "model1",
+    "shared0",
+)
 
 
 def test_nothing_of_a_deleted_person_is_left_in_the_files(store, people, database_url):

@@ -13,7 +13,7 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect
 
-from app.store import Source, StoreError, open_store
+from app.store import NewEvent, PositionTakenError, Source, StoreError, open_store
 from app.store.engine import parse_url
 from app.store.migrate import MIGRATIONS, Upgrade, head_version, migration_transaction, upgrade
 from app.store.models import Base
@@ -100,6 +100,9 @@ def test_a_new_revision_is_written_without_our_column_types(database_url, monkey
     compile(text, "written.py", "exec")
 
 
+STUDY_TEXT = "[protocol]\nactive_queries = 1\ntest_queries = 1\n"
+
+
 @pytest.fixture
 def old_url(database_url):
     """A database of the first schema, with a participant, a rehearsed person and what they left."""
@@ -109,7 +112,7 @@ def old_url(database_url):
         config.set_main_option("script_location", MIGRATIONS.as_posix())
         command.upgrade(config, "0001")
         run = connection.exec_driver_sql
-        run("INSERT INTO studies VALUES ('hash', 'mine', 'text', ?)", (at,))
+        run("INSERT INTO studies VALUES ('hash', 'mine', ?, ?)", (STUDY_TEXT, at))
         for number, is_rehearsed in ((1, 0), (2, 1)):
             name = f"person-{number}"
             columns = "id, study_hash, ordinal, token_hash, is_rehearsed, created_at"
@@ -176,3 +179,54 @@ def test_a_migration_that_fails_changes_nothing(old_url, monkeypatch):
         upgrade(old_url)
     monkeypatch.undo()
     assert upgrade(old_url).before == "0001"
+
+
+@pytest.fixture
+def joined_url(old_url):
+    """A database of the second schema: somebody half-way, somebody who has finished and somebody imported."""
+    at = "2026-01-02 03:04:05.000000"
+    with migration_transaction(parse_url(old_url)) as connection:
+        config = Config(attributes={"connection": connection})
+        config.set_main_option("script_location", MIGRATIONS.as_posix())
+        command.upgrade(config, "0002")
+        run = connection.exec_driver_sql
+        run(
+            "INSERT INTO sessions (id, study_hash, ordinal, created_at, source, import_digest) "
+            "VALUES ('person-3', 'hash', 3, ?, 'imported', 'digest')",
+            (at,),
+        )
+        for name, n_answers in (("person-1", 1), ("person-2", 2), ("person-3", 2)):
+            for query_index in range(n_answers):
+                for column in ("prepared_query", "answered_query"):
+                    position = 1 + 2 * query_index + (column == "answered_query")
+                    run(
+                        f"INSERT INTO events (session_id, position, kind, payload, at, {column}) "
+                        "VALUES (?, ?, 'something', '{}', ?, ?)",
+                        (name, position, at, query_index),
+                    )
+    return old_url
+
+
+def test_links_of_the_second_schema_still_open_their_sessions(joined_url):
+    assert upgrade(joined_url).before == "0002"
+    with open_store(joined_url) as store:
+        assert [store.session_by_token(f"token-{n}").id for n in (1, 2)] == ["person-1", "person-2"]
+        store.add_token("person-1", "another-device")
+        assert store.session_by_token("another-device").id == "person-1"
+
+
+def test_who_had_answered_everything_under_the_second_schema_has_completed(joined_url):
+    upgrade(joined_url)
+    with open_store(joined_url) as store:
+        assert [store.ending(f"person-{n}") for n in (1, 2, 3)] == [None, "completed", "completed"]
+        assert [store.n_answers(f"person-{n}") for n in (1, 2, 3)] == [1, 2, 2]
+
+
+def test_an_answer_of_the_second_schema_can_be_taken_back_and_only_then_given_again(joined_url):
+    upgrade(joined_url)
+    answer = NewEvent("answer_given", {"query_index": 0})
+    with open_store(joined_url) as store:
+        with pytest.raises(PositionTakenError):
+            store.append("person-1", 3, [answer])
+        store.append("person-1", 3, [NewEvent("answer_taken_back", {"query_index": 0}), answer])
+        assert store.n_answers("person-1") == 1

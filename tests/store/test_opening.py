@@ -111,7 +111,7 @@ def test_a_newer_schema_is_refused_with_both_versions(database_url):
 
 def test_an_older_schema_is_refused_and_the_migration_named(database_url, monkeypatch):
     open_store(database_url).close()
-    monkeypatch.setattr("app.store.migrate.head_version", lambda: "0003")
+    monkeypatch.setattr("app.store.migrate.head_version", lambda: "9999")
     assert_refused(database_url, "run `prefstudy migrate`")
 
 
