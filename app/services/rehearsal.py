@@ -18,7 +18,6 @@ from app.services.runtime import LiveSession, Runtime
 from app.services.summary import Json, summarise
 from app.services.table import Row
 from app.services.walk import walk
-from study_core.comparison import Choice
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
 from study_core.plan import choice_at
 from study_core.queries import Provenance, infer_posterior
@@ -121,7 +120,7 @@ def rehearse(
     def answer(prepared: QueryPrepared) -> AnswerGiven:
         # The person as they are now, one step further on from the query before.
         asked.append(asked[-1].drifted(drift_rng) if asked else person)
-        first_shown = prepared.first_shown or Choice.A
+        first_shown = prepared.side_shown_first
         choice = asked[-1].choose(answers_rng, prepared.proposed.query, first_shown)
         if prepared.instructed is not None:
             choice = choice_at(first_shown, prepared.instructed)
@@ -171,7 +170,7 @@ def _rows(
     ):
         query, provenance = prepared.proposed.query, prepared.proposed.provenance
         assert isinstance(provenance, Provenance), "simulated people are asked what we chose"
-        likely = person.probabilities(query, prepared.first_shown or Choice.A)
+        likely = person.probabilities(query, prepared.side_shown_first)
         rows.append(
             {
                 "study": live.study.name,

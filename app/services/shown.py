@@ -36,13 +36,14 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
     live = runtime.live(session_id)
     with live.lock:
         study, state = live.study, live.state
-    if isinstance(current_step(study, state), InstructionsStep):
+    step, current = current_step(study, state), state.current
+    if isinstance(step, InstructionsStep) and step.example:
         return Shown("example", study.domain, _example(study), Choice.A)
-    current = state.current
     if current is None:
         return None
-    query, first = current.proposed.query, current.first_shown or Choice.A
-    return Shown(f"query-{current.query_index}", study.domain, query, first)
+    return Shown(
+        f"query-{current.query_index}", study.domain, current.proposed.query, current.side_shown_first
+    )
 
 
 @lru_cache(maxsize=8)
