@@ -52,7 +52,7 @@ def feature_before(
 
 
 def _is_under_way(learning: tuple[FeatureRequest, Computation], request: FeatureRequest) -> bool:
-    """Returns whether a feature is being learned or has been from the same answers; one that failed is learned again."""
+    """Returns whether a feature is learned, or being learned, from the same answers; a failed one is learned again."""
     learned_from, computation = learning
     is_same = learned_from.key == request.key
     return is_same and (not computation.done() or has_succeeded(computation))
