@@ -138,7 +138,8 @@ def test_a_study_without_a_path_has_active_and_test_queries_with_sides_of_every_
 
 
 @pytest.mark.parametrize(
-    ("n_active", "n_repeats", "n_checks"), [(2, 1, 0), (2, 1, 1), (3, 1, 1), (4, 2, 2), (10, 5, 5), (100, 50, 50)]
+    ("n_active", "n_repeats", "n_checks"),
+    [(2, 1, 0), (2, 1, 1), (3, 1, 1), (4, 2, 2), (10, 5, 5), (100, 50, 50)],
 )
 def test_as_many_repeats_and_checks_as_are_allowed_find_their_places(n_active, n_repeats, n_checks):
     crowded = study(n_active, 0, n_repeats, n_checks, path="")
