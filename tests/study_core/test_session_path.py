@@ -275,8 +275,8 @@ WAYS = st.lists(
 @given(ways=WAYS, ends=st.lists(st.sampled_from(ENDS), max_size=2), ends_at=st.integers(0, N_STATIONS))
 def test_the_session_goes_where_the_model_goes_and_refuses_what_the_model_refuses(ways, ends, ends_at):
     ways = [*ways[:ends_at], (ends, Choice.A), *ways[ends_at:]]
-    log = []
-    for state, model, log in reached(ways):
+    for walk in reached(ways):
+        state, model, log = walk
         check(state, model)
     again = reduce(STUDY, log)
     check(again, model)
