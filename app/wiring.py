@@ -225,7 +225,7 @@ def _picture(runtime: Runtime, session_id: str) -> Picture | None:
     found = shown(runtime, session_id)
     if found is None:
         return None
-    return Picture(found.key, *scenes(found.domain, found.query, found.first_shown))
+    return Picture(found.key, *scenes(found.domain, found.query, found.first_shown), found.number)
 
 
 class _Server(uvicorn.Server):

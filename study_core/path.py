@@ -47,9 +47,9 @@ class NumberItem(Section):
     screens_out: tuple[float, ...] = Field((), description="Answers that end the session as screened out.")
 
     @model_validator(mode="after")
-    def _has_a_range(self) -> NumberItem:
+    def _can_be_answered(self) -> NumberItem:
         if self.least is not None and self.most is not None and self.least > self.most:
-            raise ValueError("most can't be less than least")
+            raise ValueError(f"least can't be more than most, {self.most}; got {self.least}")
         return self
 
 

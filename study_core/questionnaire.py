@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -10,6 +12,11 @@ from typing import Any
 from study_core.path import ChoiceItem, Item, LikertItem, NumberItem, ScaleItem, TextItem
 
 Value = float | int | str | list[str] | None
+
+_WHOLE = re.compile(r"[-+−]?\d{1,15}")
+_NUMBER = re.compile(rf"{_WHOLE.pattern}([.,]\d{{1,15}})?")
+# Of a step: how far off a number may be that went through decimals.
+_TOLERANCE = 1e-6
 
 
 class Problem(StrEnum):
@@ -40,9 +47,11 @@ class Checked:
 def check(items: Sequence[Item], form: Mapping[str, Sequence[str]]) -> Checked:
     """Returns the answers in a page's fields, which are named as the items are.
 
+    Free text is what was typed, to the last space. Options stand in the questionnaire's order.
+
     Args:
         items: The questionnaire.
-        form: Each field with all its values, as the browser sent it.
+        form: Each field with all its values, as the browser sent it; fields that are no items say nothing.
     """
     values: dict[str, Value] = {}
     problems: dict[str, Problem] = {}
@@ -62,12 +71,9 @@ def example_answer(item: Item) -> str:
     if isinstance(item, ChoiceItem):
         names = [option.name for option in item.options]
         return item.right or next((name for name in names if name not in item.screens_out), names[0])
-    if isinstance(item, NumberItem) and item.right is not None:
-        return str(item.right)
-    least, most = _range(item)
-    screened = item.screens_out if isinstance(item, NumberItem) else ()
-    candidates = [most, least, 0.0 if least is None and most is None else None]
-    return str(next((one for one in candidates if one is not None and one not in screened), 0.0))
+    if isinstance(item, NumberItem):
+        return str(_example_number(item))
+    return str(_plain(_scale(item)[0]))
 
 
 def is_right(items: Sequence[Item], values: Mapping[str, Value]) -> bool:
@@ -90,42 +96,74 @@ def _is_among(value: Value, those: Sequence[Any]) -> bool:
 
 
 def _read(item: Item, sent: Sequence[str]) -> Value | Problem:
-    # What was typed is kept as typed; that it is nothing but space only tells that nothing was answered.
-    given = [value for value in sent if value.strip()]
+    if isinstance(item, TextItem):
+        return _text(item, sent[0] if sent else "")
+    given = [value.strip() for value in sent if value.strip()]
     if not given:
         return Problem.MISSING if item.required else None
-    if isinstance(item, TextItem):
-        return given[0] if len(given[0]) <= item.longest else Problem.TOO_LONG
     if isinstance(item, ChoiceItem):
         return _chosen(item, given)
-    return _number(item, given[0])
+    if isinstance(item, NumberItem):
+        return _typed_number(item, given[0])
+    return _position(item, given[0])
+
+
+def _text(item: TextItem, text: str) -> Value | Problem:
+    if item.required and not text.strip():
+        return Problem.MISSING
+    return Problem.TOO_LONG if len(text) > item.longest else text or None
 
 
 def _chosen(item: ChoiceItem, given: list[str]) -> Value | Problem:
-    known = {option.name for option in item.options}
-    if not set(given) <= known or (len(given) > 1 and not item.several):
+    chosen = [option.name for option in item.options if option.name in given]
+    if len(chosen) < len(set(given)) or (len(chosen) > 1 and not item.several):
         return Problem.UNKNOWN
-    return sorted(set(given)) if item.several else given[0]
+    return chosen if item.several else chosen[0]
 
 
-def _number(item: NumberItem | ScaleItem | LikertItem, text: str) -> Value | Problem:
-    # Many people write a decimal comma.
-    try:
-        value = float(text.strip().replace(",", "."))
-    except ValueError:
+def _typed_number(item: NumberItem, text: str) -> Value | Problem:
+    number = _number(text)
+    if number is None:
         return Problem.NOT_A_NUMBER
-    if not abs(value) < float("inf"):
-        return Problem.NOT_A_NUMBER
-    least, most = _range(item)
-    if least is not None and value < least:
-        return Problem.TOO_SMALL
-    if most is not None and value > most:
-        return Problem.TOO_LARGE
-    is_whole = value == int(value)
-    if not is_whole and not isinstance(item, ScaleItem) and (isinstance(item, LikertItem) or item.whole):
+    # 1.000 is a thousand to some and one to others: where numbers are whole, it is neither.
+    if item.whole and not _WHOLE.fullmatch(text):
         return Problem.NOT_WHOLE
-    return int(value) if is_whole else value
+    if item.least is not None and number < item.least:
+        return Problem.TOO_SMALL
+    if item.most is not None and number > item.most:
+        return Problem.TOO_LARGE
+    return _plain(number)
 
 
-def _range(item: NumberItem | ScaleItem | LikertItem) -> tuple[float | None, float | None]:
-    return (1, item.points) if isinstance(item, LikertItem) else (item.least, item.most)
+def _position(item: ScaleItem | LikertItem, text: str) -> Value | Problem:
+    number = _number(text)
+    least, most, step = _scale(item)
+    if number is None or not least <= number <= most:
+        return Problem.UNKNOWN
+    steps = (number - least) / step
+    return Problem.UNKNOWN if abs(steps - round(steps)) > _TOLERANCE else _plain(number)
+
+
+def _scale(item: ScaleItem | LikertItem) -> tuple[float, float, float]:
+    """Returns a scale's least and greatest value and its step."""
+    return (
+        (1.0, float(item.points), 1.0) if isinstance(item, LikertItem) else (item.least, item.most, item.step)
+    )
+
+
+def _number(text: str) -> float | None:
+    """Returns a number in digits, whether its decimals follow a point or a comma."""
+    return float(text.replace(",", ".").replace("−", "-")) if _NUMBER.fullmatch(text) else None
+
+
+def _plain(number: float) -> float | int:
+    return int(number) if number.is_integer() else number
+
+
+def _example_number(item: NumberItem) -> float | int:
+    if item.right is not None:
+        return _plain(item.right)
+    start = min(0.0, item.most or 0.0) if item.least is None else item.least
+    first = math.ceil(start) if item.whole else _plain(start)
+    candidates = [first + k for k in range(len(item.screens_out) + 1)]
+    return next((number for number in candidates if number not in item.screens_out), first)

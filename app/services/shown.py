@@ -10,8 +10,11 @@ from study_core.comparison import Choice, Query
 from study_core.domain import Domain
 from study_core.path import InstructionsStep
 from study_core.queries import propose_common_query
-from study_core.session import current_step
+from study_core.session import Action, current_step, next_action
 from study_core.study import Study
+
+# No query follows it whose number has the same mark.
+_EXAMPLE = -1
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,14 @@ class Shown:
 
     Attributes:
         key: Tells one picture from the next.
+        number: Of a query, its index; goes into the picture's mark.
         domain: Whose trajectories they are.
         query: The two.
         first_shown: Which of them is in the first position.
     """
 
     key: str
+    number: int
     domain: Domain
     query: Query
     first_shown: Choice
@@ -38,12 +43,13 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
         study, state = live.study, live.state
     step, current = current_step(study, state), state.current
     if isinstance(step, InstructionsStep) and step.example:
-        return Shown("example", study.domain, _example(study), Choice.A)
-    if current is None:
+        return Shown("example", _EXAMPLE, study.domain, _example(study), Choice.A)
+    # A query may be prepared during a break, but it is seen from its beginning when the break is over.
+    if current is None or next_action(study, state) is not Action.ASK:
         return None
-    return Shown(
-        f"query-{current.query_index}", study.domain, current.proposed.query, current.side_shown_first
-    )
+    # After an answer that was taken back, another query may have the same index.
+    key = "-".join([f"query-{current.query_index}", *current.clips.values()])
+    return Shown(key, current.query_index, study.domain, current.proposed.query, current.side_shown_first)
 
 
 @lru_cache(maxsize=8)

@@ -257,11 +257,11 @@ def _checked(
         )
     if confidence is not None and not 1 <= confidence <= MOST_CONFIDENT:
         raise InvalidAnswerError(f"Expected a confidence from 1 to {MOST_CONFIDENT}, got {confidence}.")
-    if (confidence is not None) != study.file.answering.confidence:
-        wanted = "a confidence" if study.file.answering.confidence else "no confidence"
-        raise InvalidAnswerError(
-            f"Expected {wanted} with the answer, as the study asks it; got {confidence}."
-        )
+    # Nobody can be more or less sure of an answer that names no preference.
+    is_asked = study.file.answering.confidence and choice not in (Choice.UNSURE, Choice.SKIP)
+    if (confidence is not None) != is_asked:
+        wanted = "a confidence" if is_asked else "no confidence"
+        raise InvalidAnswerError(f"Expected {wanted} with the answer {choice!r}, got {confidence}.")
     return AnswerGiven(query_index, Choice(choice), response_time_ms, confidence)
 
 

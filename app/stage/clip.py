@@ -3,6 +3,13 @@
 Everything in a clip, the two sides' cars as well, runs on one clock and loops together:
 first pose held for `LEAD_S`, the drive, last pose held for `TAIL_S`, and again. The first hold also covers
 the moment in which the browser loads a clip before it is revealed (see `app.stage.stage`).
+
+A clip says itself what it is, by small squares in one of eight colours in the middle of the picture, where the
+page draws the gutter between the sides over them. The *mark* tells which picture it is: the browser draws it in
+the very frame in which it draws the cars, so a page that looks at that one pixel knows the picture's first frame.
+The *flag* lies so far in front that the camera sees it, and nothing else of the clip, while the clip is parked
+behind the scene: by it the page knows that the clip has loaded and may be revealed (see `app.stage.stage` and
+`static/js/stage.js`).
 """
 
 from __future__ import annotations
@@ -22,10 +29,23 @@ from study_core.scene import Body, Mesh, Scene, Track
 
 LEAD_S = 0.6
 TAIL_S = 0.8
+N_MARKS = 8
+"""How many pictures in a row a page can tell apart."""
+N_FLAGS = 7
+"""How many clips in a row a page can tell apart; there is no flag 0, which means that none is to be seen."""
+PARKED_Z = -100.0
+"""Where a clip waits that is not to be seen yet: beyond the camera's far plane, all but its flag."""
+GONE_Z = -200.0
+"""Where a clip goes that is not to be seen any more, its flag included."""
 # A looping clip that starts in its middle jumps from the last pose to the first within this time.
 _JUMP_S = 0.001
 _BACKDROP_DEPTH = -8.0
 _BACKDROP_REACH = 3.0
+# The page's gutter is wider than the mark on every screen; the mark covers whole pixels on the smallest.
+_MARK_REACH = 0.012
+_MARK_HEIGHT = 8.0
+# From the middle along the gutter, in units of half the picture's height; the page looks there.
+_FLAG_SHIFT = 0.06
 
 _Value = TypeVar("_Value")
 
@@ -71,7 +91,21 @@ def duration_s(a: Scene, b: Scene) -> float:
     return LEAD_S + max(_drive_s(a), _drive_s(b)) + TAIL_S
 
 
-def build_clip(a: Scene, b: Scene, layout: Layout, start_s: float = 0.0, frozen: bool = False) -> bytes:
+def mark_colour(number: int) -> str:
+    """The colour of a mark or flag: one bit of its number modulo `N_MARKS`, in each of red, green, blue."""
+    return "#" + "".join("d0" if number >> bit & 1 else "30" for bit in range(3))
+
+
+def build_clip(
+    a: Scene,
+    b: Scene,
+    layout: Layout,
+    start_s: float = 0.0,
+    frozen: bool = False,
+    speed: float = 1.0,
+    mark: int = 0,
+    flag: int = 1,
+) -> bytes:
     """Builds the clip of two scenes.
 
     Args:
@@ -80,6 +114,9 @@ def build_clip(a: Scene, b: Scene, layout: Layout, start_s: float = 0.0, frozen:
         layout: Arrangement of the sides.
         start_s: Where in the loop the clip begins; it wraps around.
         frozen: Whether it stays at that point instead of playing.
+        speed: Seconds of the loop per second.
+        mark: The picture's number, for its mark.
+        flag: Tells this clip from the one before, from 1 to `N_FLAGS`.
 
     Returns:
         A GLB file; equal arguments give equal bytes.
@@ -94,7 +131,8 @@ def build_clip(a: Scene, b: Scene, layout: Layout, start_s: float = 0.0, frozen:
         children, moving = _add_side(ink, scene, framing)
         channels += [(node, track, scene.dt_s) for node, track in moving]
         _add_root(writer, placement, children)
-    _add_motion(writer, channels, end_s, start_s % end_s, frozen)
+    _add_marks(ink, layout, mark, flag)
+    _add_motion(writer, channels, end_s, start_s % end_s, None if frozen else speed)
     return writer.finish()
 
 
@@ -214,20 +252,30 @@ def _add_backdrop(ink: _Ink, colour: str, centre: Float[np.ndarray, " 3"], layou
     outwards = float(np.sign(centre[inner_axis]))
     low, high = -reach, reach.copy()
     low[inner_axis], high[inner_axis] = sorted((0.0, outwards * reach[inner_axis]))
+    _add_rectangle(ink, colour, low, high, _BACKDROP_DEPTH)
+
+
+def _add_marks(ink: _Ink, layout: Layout, mark: int, flag: int) -> None:
+    """Marks the middle of the picture, in front of everything, and flies the flag of a clip that is parked.
+
+    What a flag is seen before is a flag 0 of the clip that isn't parked.
+    """
+    reach = np.full(2, _MARK_REACH)
+    shift = np.array([_FLAG_SHIFT, 0.0]) if layout is Layout.WIDE else np.array([0.0, _FLAG_SHIFT])
+    _add_rectangle(ink, mark_colour(mark), -reach, reach, _MARK_HEIGHT)
+    _add_rectangle(ink, mark_colour(0), shift - reach, shift + reach, _MARK_HEIGHT)
+    _add_rectangle(ink, mark_colour(flag), shift - reach, shift + reach, _MARK_HEIGHT + 1.0 - PARKED_Z)
+
+
+def _add_rectangle(
+    ink: _Ink, colour: str, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], z: float
+) -> None:
+    """Adds a rectangle that faces the viewer, in picture coordinates."""
     (x0, y0), (x1, y1) = low.tolist(), high.tolist()
-    z = _BACKDROP_DEPTH
     quad = np.array([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y0, z), (x1, y1, z), (x0, y1, z)])
-    mesh = ink.writer.add(
-        "meshes",
-        {
-            "primitives": [
-                {
-                    "attributes": {"POSITION": ink.writer.accessor(Packed(quad, bounded=True))},
-                    "material": ink.material(colour),
-                }
-            ]
-        },
-    )
+    attributes = {"POSITION": ink.writer.accessor(Packed(quad, bounded=True))}
+    primitive = {"attributes": attributes, "material": ink.material(colour)}
+    mesh = ink.writer.add("meshes", {"primitives": [primitive]})
     ink.writer.document["scenes"][0]["nodes"].append(ink.writer.add("nodes", {"mesh": mesh}))
 
 
@@ -316,9 +364,13 @@ def _turns(yaws_rad: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4"]:
 
 
 def _add_motion(
-    writer: GlbWriter, channels: list[tuple[int, Track, float]], end_s: float, start_s: float, frozen: bool
+    writer: GlbWriter,
+    channels: list[tuple[int, Track, float]],
+    end_s: float,
+    start_s: float,
+    speed: float | None,
 ) -> None:
-    """Gives every body its pose at the start, and unless frozen its motion."""
+    """Gives every body its pose at the start, and its motion unless there is no speed."""
     animation: dict[str, Any] = {"channels": [], "samplers": []}
     clocks: dict[tuple[int, float], int] = {}
     for node, track, dt_s in channels:
@@ -327,12 +379,12 @@ def _add_motion(
         entry = writer.document["nodes"][node]
         entry["translation"] = pose[0, :3].tolist()
         entry["rotation"] = _turns(pose[:, 3])[0].tolist()
-        if frozen:
+        if speed is None:
             continue
         times, poses = _from(times, poses, start_s)
         rhythm = (len(track.positions), dt_s)
         if rhythm not in clocks:
-            clocks[rhythm] = writer.accessor(Packed(times, bounded=True))
+            clocks[rhythm] = writer.accessor(Packed(times / speed, bounded=True))
         for path, values in (("translation", poses[:, :3]), ("rotation", _turns(poses[:, 3]))):
             sampler = {
                 "input": clocks[rhythm],

@@ -40,7 +40,7 @@ class Layout(Enum):
     @property
     def aspect(self) -> float:
         """Width of the picture over its height; the page gives its pane exactly this shape."""
-        return 1.85 if self is Layout.WIDE else 0.6
+        return 1.85 if self is Layout.WIDE else 0.68
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,15 @@ import threading
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
+from app.errors import AppError
+from app.stage.clip import N_FLAGS
 from app.stage.framing import Layout
-from app.stage.stage import Picture, Stage, StageBusyError
+from app.stage.stage import Picture, Playing, Stage, StageBusyError
 
-_LAYOUTS_REMEMBERED = 10_000
+_WISHES_REMEMBERED = 10_000
 
 
 class Action(Enum):
@@ -22,8 +24,45 @@ class Action(Enum):
     REPLAY = "replay"
     PAUSE = "pause"
     RESUME = "resume"
+    SEEK = "seek"
+    """To a place in the loop, in seconds."""
+    SPEED = "speed"
+    """In seconds of the loop per second."""
+    LOADED = "loaded"
+    """The clip whose flag is the value has loaded, so it may be revealed."""
     WIDE = "wide"
     TALL = "tall"
+    STILL = "still"
+    """Nothing moves until it is told to play."""
+    MOVING = "moving"
+
+
+_SPEEDS = (0.5, 1.0, 2.0)
+_LATEST_S = 3600.0
+
+
+class InvalidActionError(AppError):
+    """An action whose value can't be one."""
+
+
+@dataclass(frozen=True)
+class _Wishes:
+    """How a page wants its stage, whatever it shows."""
+
+    layout: Layout = Layout.WIDE
+    is_still: bool = False
+
+    def with_(self, action: Action) -> _Wishes:
+        if action in (Action.STILL, Action.MOVING):
+            return replace(self, is_still=action is Action.STILL)
+        return replace(self, layout=Layout(action.value))
+
+    def fulfil(self, stage: Stage) -> None:
+        stage.set_layout(self.layout)
+        stage.set_still(self.is_still)
+
+
+_WISHED = (Action.WIDE, Action.TALL, Action.STILL, Action.MOVING)
 
 
 @dataclass
@@ -57,7 +96,7 @@ class StageKeeper:
         self._idle_s = idle_s
         self._seats: dict[str, _Seat] = {}
         # A page tells its layout before its scene connects, so the wish may come before the stage.
-        self._layouts: OrderedDict[str, Layout] = OrderedDict()
+        self._wishes: OrderedDict[str, _Wishes] = OrderedDict()
         self._lock = threading.RLock()
 
     def enter(self, session_id: str) -> Stage:
@@ -114,20 +153,44 @@ class StageKeeper:
         if stage is not None:
             self._refresh(stage, session_id)
 
-    def perform(self, session_id: str, action: Action) -> bool:
+    def perform(self, session_id: str, action: Action, value: float | None = None) -> bool:
         """Does what a page asks.
 
+        Args:
+            session_id: Whose page.
+            action: What it asks.
+            value: For `seek` the place in the loop in seconds, for `speed` 0.5, 1 or 2, for `loaded` the flag.
+
         Returns:
-            Whether it could be done: without a stage, only layouts can be noted, for when there is one.
+            Whether it could be done: without a stage, only the layout and the wish to start still can be noted,
+            for when there is one.
+
+        Raises:
+            InvalidActionError: The value can't be one of this action.
         """
-        if action in (Action.WIDE, Action.TALL):
-            self._arrange(session_id, Layout(action.value))
+        _check(action, value)
+        if action in _WISHED:
+            self._note(session_id, action)
             return True
         stage = self.find(session_id)
         if stage is None:
             return False
-        {Action.REPLAY: stage.replay, Action.PAUSE: stage.pause, Action.RESUME: stage.resume}[action]()
+        _DEEDS[action](stage, value or 0.0)
         return True
+
+    def playing(self, session_id: str) -> Playing | None:
+        """How a session's clip plays, if it has a stage with one."""
+        stage = self.find(session_id)
+        return None if stage is None else stage.playing
+
+    def has_room(self, session_id: str) -> bool:
+        """Whether a session has a stage or could get one now."""
+        with self._lock:
+            return (
+                session_id in self._seats
+                or len(self._seats) < self._capacity
+                or any(seat.n_viewers <= 0 for seat in self._seats.values())
+            )
 
     def n_viewers(self, session_id: str) -> int:
         """How many browser pages are watching this session's stage."""
@@ -149,15 +212,15 @@ class StageKeeper:
         """Number of open stages."""
         return len(self._seats)
 
-    def _arrange(self, session_id: str, layout: Layout) -> None:
+    def _note(self, session_id: str, action: Action) -> None:
         with self._lock:
-            self._layouts.pop(session_id, None)
-            self._layouts[session_id] = layout
-            while len(self._layouts) > _LAYOUTS_REMEMBERED:
-                self._layouts.popitem(last=False)
+            wishes = self._wishes.pop(session_id, _Wishes()).with_(action)
+            self._wishes[session_id] = wishes
+            while len(self._wishes) > _WISHES_REMEMBERED:
+                self._wishes.popitem(last=False)
         stage = self.find(session_id)
         if stage is not None:
-            stage.set_layout(layout)
+            wishes.fulfil(stage)
 
     def _refresh(self, stage: Stage, session_id: str) -> None:
         picture = self._picture_for(session_id)
@@ -174,7 +237,8 @@ class StageKeeper:
             if idle is None:
                 raise StageBusyError(self._capacity)
             self._drop(idle)
-        seat = self._seats[session_id] = _Seat(Stage(self._layouts.get(session_id, Layout.WIDE)))
+        seat = self._seats[session_id] = _Seat(Stage())
+        self._wishes.get(session_id, _Wishes()).fulfil(seat.stage)
         return seat
 
     def _close_if_idle(self, session_id: str, seat: _Seat) -> None:
@@ -189,3 +253,27 @@ class StageKeeper:
             seat.farewell.cancel()
         # Stopping a viser server may take a second; nobody has to wait for it.
         threading.Thread(target=seat.stage.close, name="stage-close", daemon=True).start()
+
+
+_DEEDS: dict[Action, Callable[[Stage, float], None]] = {
+    Action.REPLAY: lambda stage, _: stage.replay(),
+    Action.PAUSE: lambda stage, _: stage.pause(),
+    Action.RESUME: lambda stage, _: stage.resume(),
+    Action.SEEK: lambda stage, position_s: stage.seek(position_s),
+    Action.SPEED: lambda stage, speed: stage.set_speed(speed),
+    Action.LOADED: lambda stage, flag: stage.has_loaded(int(flag)),
+}
+
+
+def _check(action: Action, value: float | None) -> None:
+    if action is Action.SPEED:
+        if value not in _SPEEDS:
+            raise InvalidActionError(f"Expected the speed 0.5, 1 or 2, got {value}.")
+    elif action is Action.SEEK:
+        if value is None or not 0.0 <= value <= _LATEST_S:
+            raise InvalidActionError(f"Expected a place in the loop from 0 to {_LATEST_S:g} s, got {value}.")
+    elif action is Action.LOADED:
+        if value not in range(1, N_FLAGS + 1):
+            raise InvalidActionError(f"Expected a flag from 1 to {N_FLAGS}, got {value}.")
+    elif value is not None:
+        raise InvalidActionError(f"Expected no value with '{action.value}', got {value}.")

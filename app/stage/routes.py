@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 
 from fastapi import APIRouter, Depends, HTTPException, Request, WebSocket
 from fastapi.responses import JSONResponse, Response
@@ -11,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.origin import is_same_origin
 from app.stage import proxy
-from app.stage.keeper import Action, StageKeeper
+from app.stage.keeper import Action, InvalidActionError, StageKeeper
 from app.stage.stage import StageBusyError
 
 _REFUSED = 1008
@@ -24,6 +25,7 @@ class StageRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     action: Action
+    value: float | None = None
 
 
 def stage_routes(
@@ -44,12 +46,22 @@ def stage_routes(
             raise HTTPException(404)
         return session_id
 
-    @router.post("/s/{token}/stage", status_code=204)
+    @router.post("/s/{token}/stage")
     def act(token: str, body: StageRequest) -> Response:
-        if keeper.perform(known(token), body.action):
-            return Response(status_code=204)
-        message = "There is no stage to do this on; load it again."
-        return JSONResponse({"error": {"code": "no-stage", "message": message}}, status_code=409)
+        session_id = known(token)
+        try:
+            is_done = keeper.perform(session_id, body.action, body.value)
+        except InvalidActionError as error:
+            return _refusal(422, "invalid-action", str(error))
+        if not keeper.has_room(session_id):
+            return _refusal(409, "stage-busy", "All stages are in use; try again in a moment.")
+        if not is_done:
+            return _refusal(409, "no-stage", "There is no stage to do this on; load it again.")
+        return _how_it_plays(keeper, session_id)
+
+    @router.get("/s/{token}/stage")
+    def playing(token: str) -> Response:
+        return _how_it_plays(keeper, known(token))
 
     @router.get("/s/{token}/stage/", dependencies=[Depends(known)])
     def client(request: Request) -> Response:
@@ -76,3 +88,13 @@ def stage_routes(
             await websocket.close(_TRY_AGAIN_LATER)
 
     return router
+
+
+def _how_it_plays(keeper: StageKeeper, session_id: str) -> JSONResponse:
+    """What the page needs to draw the time line; null while nothing is on the stage."""
+    playing = keeper.playing(session_id)
+    return JSONResponse(None if playing is None else asdict(playing))
+
+
+def _refusal(status: int, code: str, message: str) -> JSONResponse:
+    return JSONResponse({"error": {"code": code, "message": message}}, status_code=status)

@@ -2,9 +2,10 @@
 
 How clips change without a flicker. viser's browser client parses a GLB asynchronously and shows nothing of it
 until it is done, so replacing a clip under its own name leaves some frames empty. Therefore two names take
-turns: the new clip is added hidden, gets `REVEAL_S` to load, and is then revealed in the same message batch
-that removes the old one. A clip's clock starts when it has loaded, hidden or not; a clip holds its first
-pose for longer than that, and positions for pause and resume account for it.
+turns: the new clip is added behind the scene, where the camera sees only its flag. When the page has seen the
+flag, the clip has loaded, and is brought forward in the same message batch that moves the old one away. Without
+word from a page that happens after `REVEAL_AT_LATEST_S`. A clip's clock starts when it has loaded, wherever it
+is; a clip holds its first pose for longer than that, and positions for pause and resume account for it.
 """
 
 from __future__ import annotations
@@ -18,12 +19,17 @@ import rich
 import viser
 
 from app.errors import AppError
-from app.stage.clip import build_clip, duration_s
+from app.stage.clip import GONE_Z, N_FLAGS, PARKED_Z, TAIL_S, build_clip, duration_s
 from app.stage.framing import CAMERA, Layout
 from study_core.scene import Scene
 
-REVEAL_S = 0.25
-"""How long a new clip may load before it takes the old one's place."""
+REVEAL_S = 0.15
+"""How long a new clip takes to appear, until the page has shown how long it takes there."""
+
+REVEAL_AT_LATEST_S = 1.0
+"""When a new clip takes the old one's place though no page has said that it has loaded."""
+
+_TIDY_S = 0.25
 
 _HOST = "127.0.0.1"
 _FIRST_PORT = 8180
@@ -57,11 +63,32 @@ class Picture:
         key: Tells one picture from the next.
         a: The scene under the letter A.
         b: The scene under the letter B.
+        number: What its mark says (`app.stage.clip.mark_colour`).
     """
 
     key: str
     a: Scene
     b: Scene
+    number: int = 0
+
+
+@dataclass(frozen=True)
+class Playing:
+    """How the clip on a stage plays.
+
+    Attributes:
+        position_s: Where it is in its loop.
+        end_s: Where both drives have ended.
+        duration_s: Length of the loop.
+        speed: Seconds of the loop per second.
+        is_paused: Whether it stands still.
+    """
+
+    position_s: float
+    end_s: float
+    duration_s: float
+    speed: float
+    is_paused: bool
 
 
 @dataclass
@@ -71,6 +98,7 @@ class _Play:
     start_s: float
     since: float
     is_frozen: bool
+    speed: float
 
 
 class Stage:
@@ -87,7 +115,10 @@ class Stage:
         self._lock = threading.RLock()
         self._layout = layout
         self._picture: Picture | None = None
-        self._play = _Play(0.0, clock(), False)
+        self._play = _Play(0.0, clock(), False, 1.0)
+        self._speed = 1.0
+        self._reveal_s = REVEAL_S
+        self._starts_still = False
         self._shown: viser.GlbHandle | None = None
         self._coming: viser.GlbHandle | None = None
         self._leaving: viser.GlbHandle | None = None
@@ -112,11 +143,21 @@ class Stage:
         """Whether the clip stands still."""
         return self._play.is_frozen
 
+    @property
+    def playing(self) -> Playing | None:
+        """How the clip plays, or None while there is none."""
+        with self._lock:
+            if self._picture is None:
+                return None
+            length = duration_s(self._picture.a, self._picture.b)
+            position = self._position_s() % length
+            return Playing(position, length - TAIL_S, length, self._speed, self._play.is_frozen)
+
     def show(self, picture: Picture) -> None:
         """Shows a picture from its beginning, in place of the last one."""
         with self._lock:
             self._picture = picture
-            self._change(0.0, False)
+            self._change(0.0, self._starts_still)
 
     def replay(self) -> None:
         """Starts the clip again from its beginning."""
@@ -127,13 +168,38 @@ class Stage:
         """Stops the clip where it will be when the still one is revealed, so that nothing jumps."""
         with self._lock:
             if not self._play.is_frozen:
-                self._change(self._position_s() + REVEAL_S, True)
+                self._change(self._position_s() + self._unseen_s(), True)
 
     def resume(self) -> None:
         """Goes on from where the clip was paused."""
         with self._lock:
             if self._play.is_frozen:
-                self._change(self._play.start_s - REVEAL_S, False)
+                self._change(max(0.0, self._play.start_s - self._unseen_s()), False)
+
+    def seek(self, position_s: float) -> None:
+        """Goes to a place in the loop; stands still there, or plays on from there, as before."""
+        with self._lock:
+            lead_s = 0.0 if self._play.is_frozen else self._unseen_s()
+            self._change(max(0.0, position_s - lead_s), self._play.is_frozen)
+
+    def set_speed(self, speed: float) -> None:
+        """Plays this clip, from where it is, and all that follow at another speed.
+
+        Args:
+            speed: Seconds of the loop per second.
+        """
+        with self._lock:
+            goes_on_at_s = self._position_s() + self._unseen_s()
+            self._speed = speed
+            if not self._play.is_frozen:
+                self._change(goes_on_at_s - self._unseen_s(), False)
+
+    def set_still(self, starts_still: bool) -> None:
+        """Says whether pictures wait at their first moment until they are told to play, the one shown now included."""
+        with self._lock:
+            if starts_still is not self._starts_still:
+                self._starts_still = starts_still
+                self._change(0.0, starts_still)
 
     def set_layout(self, layout: Layout) -> None:
         """Rearranges the sides; at once, because a picture in the wrong shape is worse than a blink."""
@@ -141,6 +207,18 @@ class Stage:
             if layout is not self._layout:
                 self._layout = layout
                 self._change(self._position_s(), self._play.is_frozen, at_once=True)
+
+    def has_loaded(self, flag: int) -> None:
+        """Reveals the clip that waits, now that a page has seen its flag; another clip's flag changes nothing."""
+        with self._lock:
+            if self._coming is not None and flag == self._flag:
+                self._reveal_s = min(self._clock() - self._play.since, REVEAL_AT_LATEST_S)
+                self._reveal(self._turn)
+                self._server.flush()
+
+    @property
+    def _flag(self) -> int:
+        return 1 + self._turn % N_FLAGS
 
     def close(self) -> None:
         """Stops the server and drops its clients; may take a second. Closing twice does no harm."""
@@ -155,7 +233,11 @@ class Stage:
         """Where the clip is in its loop."""
         if self._play.is_frozen:
             return self._play.start_s
-        return self._play.start_s + self._clock() - self._play.since
+        return self._play.start_s + self._play.speed * (self._clock() - self._play.since)
+
+    def _unseen_s(self) -> float:
+        """How far a clip gets before it is revealed."""
+        return self._reveal_s * self._speed
 
     def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
         """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""
@@ -163,30 +245,43 @@ class Stage:
             raise StageClosedError
         if self._picture is None:
             return
-        a, b = self._picture.a, self._picture.b
-        start_s %= duration_s(a, b)
-        clip = build_clip(a, b, self._layout, start_s, is_frozen)
+        picture = self._picture
+        start_s %= duration_s(picture.a, picture.b)
         self._turn += 1
-        self._play = _Play(start_s, self._clock(), is_frozen)
+        clip = build_clip(
+            picture.a,
+            picture.b,
+            self._layout,
+            start_s,
+            is_frozen,
+            self._speed,
+            picture.number,
+            self._flag,
+        )
+        self._play = _Play(start_s, self._clock(), is_frozen, self._speed)
+        is_immediate = at_once or self._shown is None
         with self._server.atomic():
             for old in (self._coming, self._leaving):
                 _remove(old)
             self._leaving = None
             self._coming = self._server.scene.add_glb(
-                self._free_name(), clip, visible=False, cast_shadow=False, receive_shadow=False
+                self._free_name(),
+                clip,
+                position=(0.0, 0.0, PARKED_Z),
+                cast_shadow=False,
+                receive_shadow=False,
             )
-            is_immediate = at_once or self._shown is None
             if is_immediate:
                 self._reveal(self._turn)
         # viser gathers messages for up to a sixtieth of a second; a person should not wait for that.
         self._server.flush()
         if not is_immediate:
-            self._later(self._reveal)
+            self._later(REVEAL_AT_LATEST_S, self._reveal)
 
-    def _later(self, step: Callable[[int], None]) -> None:
+    def _later(self, delay_s: float, step: Callable[[int], None]) -> None:
         """Runs a step in a while, in the viser server's own thread."""
         loop = self._server.get_event_loop()
-        loop.call_soon_threadsafe(loop.call_later, REVEAL_S, step, self._turn)
+        loop.call_soon_threadsafe(loop.call_later, delay_s, step, self._turn)
 
     def _free_name(self) -> str:
         return "/even" if self._shown is not None and self._shown.name == "/odd" else "/odd"
@@ -197,28 +292,28 @@ class Stage:
             if turn != self._turn or self._coming is None or self._is_closed:
                 return
             with self._server.atomic():
-                self._coming.visible = True
+                self._coming.position = (0.0, 0.0, 0.0)
                 if self._shown is not None:
-                    self._shown.visible = False
+                    self._shown.position = (0.0, 0.0, GONE_Z)
             self._shown, self._leaving, self._coming = self._coming, self._shown, None
-            self._later(self._tidy)
+            self._later(_TIDY_S, self._tidy)
 
     def _tidy(self, turn: int) -> None:
-        """Removes the hidden old clip, unless a newer change has done so already."""
+        """Removes the old clip, unless a newer change has done so already."""
         with self._lock:
             if turn == self._turn and not self._is_closed:
                 _remove(self._leaving)
                 self._leaving = None
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        """A browser has (re)connected: its clip starts anew and plays, and its camera can't be moved."""
+        """A browser has (re)connected: its clip starts anew, and its camera can't be moved."""
         distance = CAMERA.position[2]
         client.camera.min_orbit_distance = distance
         client.camera.max_orbit_distance = distance
         with self._lock:
             self._play.since = self._clock()
             if self._play.is_frozen and not self._is_closed:
-                self._change(0.0, False)
+                self._change(0.0, self._starts_still)
 
 
 def _remove(handle: viser.GlbHandle | None) -> None:

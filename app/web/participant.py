@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
-
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
-from pydantic import BaseModel, ConfigDict
 
 from app.services import study as services
 from app.services.path import language_of
@@ -15,26 +11,8 @@ from app.web.access import ThisSession
 from app.web.pages import templates
 from app.web.parts import SiteParts
 from app.web.screens import screen_events
+from app.web.trial import trial_context
 from app.web.welcome import welcome_page
-from study_core.comparison import Choice
-
-_OTHER_ANSWERS = {
-    Choice.SAME: "About the same",
-    Choice.UNSURE: "Can’t tell",
-    Choice.SKIP: "Skip this pair",
-}
-
-
-class AnswerBody(BaseModel):
-    """An answer as the page sends it: positions, not A or B; `client` is what the browser measured."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    query_index: int
-    choice: str
-    response_time_ms: int
-    confidence: int | None = None
-    client: dict[str, Any] | None = None
 
 
 def participant_routes(parts: SiteParts) -> APIRouter:
@@ -49,13 +27,7 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         if screen.kind == "welcome":
             return welcome_page(request, study)
         language = language_of(runtime.live(session.id))
-        context = {
-            "title": study.title(language),
-            "question": study.text_named("question", language),
-            "thanks": study.text_named("thanks", language),
-            "screen": asdict(screen),
-            "other_answers": {c.value: _OTHER_ANSWERS[c] for c in study.answers if c in _OTHER_ANSWERS},
-        }
+        context = trial_context(study, language, screen)
         return templates.TemplateResponse(request, "participant.html", context)
 
     @router.post("/")
@@ -69,19 +41,5 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         # A proxy in front must pass each event on at once.
         headers = {"X-Accel-Buffering": "no"}
         return StreamingResponse(events, headers=headers, media_type="text/event-stream")
-
-    @router.post("/answer")
-    def answer(session: ThisSession, body: AnswerBody) -> dict[str, Any]:
-        choice = services.choice_behind(runtime, session.id, body.query_index, body.choice)
-        receipt = services.answer(
-            runtime,
-            session.id,
-            body.query_index,
-            choice,
-            body.response_time_ms,
-            body.client,
-            body.confidence,
-        )
-        return {"outcome": receipt.outcome.value, "screen": asdict(receipt.screen)}
 
     return router

@@ -15,6 +15,7 @@ from app.web.guard import Guard
 from app.web.joining import join_routes
 from app.web.participant import participant_routes
 from app.web.parts import SiteParts
+from app.web.trial import trial_routes
 
 
 def create_site(parts: SiteParts) -> FastAPI:
@@ -38,5 +39,6 @@ def create_site(parts: SiteParts) -> FastAPI:
 
     site.include_router(join_routes(parts))
     site.include_router(participant_routes(parts))
+    site.include_router(trial_routes(parts))
     site.include_router(parts.stage)
     return site

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from playwright.sync_api import ConsoleMessage, Error, Frame, Page, expect
@@ -12,20 +12,22 @@ from app.services.tokens import hash_token
 from app.settings import find_study
 from app.store import EventRecord, SessionRecord, Store, open_store
 from study_core import session_codec
-from study_core.comparison import Query
+from study_core.comparison import Choice, Query
 from study_core.session import QueryPrepared
 from tests.support.server import ServerProcess
 
 STUDY = find_study("quickstart")
 N_QUERIES = STUDY.n_queries
 WAIT_MS = 90_000
+POSITIONS = ("first", "second")
 
 # Writes down, at each frame of the stage, where the cars are seen: [robot A, human A, robot B, human B], each from
 # -1 at the left and bottom of the picture to 1. `__viserMutable` is viser's own affair: good enough to look at.
 _RECORD = """() => {
   if (window.seen) return;
   window.seen = [];
-  const isVisible = (node) => node === null || (node.visible && isVisible(node.parent));
+  // A clip that isn't to be seen yet, or no more, lies far behind the scene.
+  const isVisible = (node) => node === null || (node.visible && node.position.z > -50 && isVisible(node.parent));
   const look = () => {
     const viser = window.__viserMutable;
     for (const name of ["/odd", "/even"]) {
@@ -71,16 +73,16 @@ class Person:
     def sees_question(self, number: int) -> None:
         """Waits until a question can be answered."""
         expect(self.page.locator("#count")).to_have_text(f"Question {number} of {N_QUERIES}", timeout=WAIT_MS)
-        for choice in "ab":
-            expect(self.page.locator(f"#answer-{choice}")).to_be_enabled(timeout=WAIT_MS)
+        for position in POSITIONS:
+            expect(self.page.locator(f"#answer-{position}")).to_be_enabled(timeout=WAIT_MS)
 
     def sees_the_end(self) -> None:
         """Waits for the last page."""
         expect(self.page.locator("#finished")).to_be_visible(timeout=WAIT_MS)
 
-    def clicks(self, choice: str) -> None:
+    def clicks(self, position: str) -> None:
         """Answers with the mouse."""
-        self.page.locator(f"#answer-{choice}").click()
+        self.page.locator(f"#answer-{position}").click()
 
     def presses(self, key: str) -> None:
         """Presses a key, wherever the focus is."""
@@ -128,15 +130,27 @@ class Person:
         """Returns the stored answers in order."""
         return [event.payload for event in self.stored()[1] if event.kind == "answer_given"]
 
+    def positions(self) -> list[str]:
+        """Returns where on the screen the stored answers were given, in order."""
+        first = [event.first_shown for event in self._prepared()]
+        return [POSITIONS[answer["choice"] != first[answer["query_index"]]] for answer in self.answers()]
+
     def query(self, index: int) -> Query:
-        """Returns a query as the database has it."""
+        """Returns a query as the database has it, with what is shown first as its A."""
+        event = self._prepared()[index]
+        query = event.proposed.query
+        if event.first_shown is Choice.B:
+            return replace(query, controls_a=query.controls_b, controls_b=query.controls_a)
+        return query
+
+    def _prepared(self) -> list[QueryPrepared]:
         events = (session_codec.from_json(event.kind, event.payload) for event in self.stored()[1])
-        return [e for e in events if isinstance(e, QueryPrepared)][index].proposed.query
+        return [event for event in events if isinstance(event, QueryPrepared)]
 
 
-def join(page: Page, server: ServerProcess) -> Person:
+def join(page: Page, server: ServerProcess, study_name: str = STUDY.name) -> Person:
     """Follows the participant link and begins."""
-    page.goto(f"{server.url}/join/{STUDY.name}")
+    page.goto(f"{server.url}/join/{study_name}")
     page.get_by_role("button", name="Begin").click()
     page.wait_for_url("**/s/*/")
     return at(page, server)
@@ -153,7 +167,7 @@ def at(page: Page, server: ServerProcess) -> Person:
 def _problem_in(error: Error) -> list[str]:
     # viser's client would like to load a decoder and a picture of the sky from `data:` addresses; it may not, and
     # does without.
-    is_visers = error.message == "Failed to fetch" and "participant.js" not in (error.stack or "")
+    is_visers = error.message == "Failed to fetch" and "/static/js/" not in (error.stack or "")
     return [] if is_visers else [f"{error.message} {error.stack}"]
 
 

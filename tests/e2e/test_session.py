@@ -5,43 +5,44 @@ from __future__ import annotations
 import time
 
 import pytest
-from playwright.sync_api import Route
+from playwright.sync_api import Route, expect
 
 from app.store import open_store
 from tests.e2e.conftest import OpenPage
 from tests.e2e.curves import assert_on_stage
-from tests.e2e.person import STUDY, Person, at, join
+from tests.e2e.person import N_QUERIES, POSITIONS, STUDY, Person, at, join
 from tests.support.server import ServerProcess
 
 pytestmark = pytest.mark.browser
 
-CHOICES = "abbaababbbaa"
-KEYS = {"a": ("a", "ArrowLeft"), "b": ("b", "ArrowRight")}
+PRESSED = [POSITIONS[each == "b"] for each in "abbaababbbaa"]
+KEYS = {"first": ("a", "ArrowLeft", "ArrowUp"), "second": ("b", "ArrowRight", "ArrowDown")}
 
 
 def test_a_session_by_mouse_and_keyboard_with_a_reload_is_stored_as_it_was_given(person: Person) -> None:
     started = time.monotonic()
-    for index, choice in enumerate(CHOICES):
+    for index, position in enumerate(PRESSED):
         person.sees_question(index + 1)
         if index == 6:
             person.page.reload()
             person.sees_question(index + 1)
             assert len(person.answers()) == index
         if index % 2 == 0:
-            person.clicks(choice)
+            person.clicks(position)
         else:
-            person.presses(KEYS[choice][index % 4 // 2])
+            person.presses(KEYS[position][index // 2 % 3])
     person.sees_the_end()
     took_ms = 1000 * (time.monotonic() - started)
     for _ in range(2):
         assert person.page.get_by_text(STUDY.file.text.thanks.strip()).is_visible()
-        assert person.page.locator("#answer-a").is_hidden()
+        assert person.page.locator("#answer-first").is_hidden()
         person.page.reload()
         person.sees_the_end()
     assert person.problems == []
 
     answers = person.answers()
-    assert [(answer["query_index"], answer["choice"]) for answer in answers] == list(enumerate(CHOICES))
+    assert [answer["query_index"] for answer in answers] == list(range(N_QUERIES))
+    assert person.positions() == PRESSED
     assert all(0 <= answer["response_time_ms"] < took_ms for answer in answers)
     assert sum(answer["response_time_ms"] for answer in answers) < took_ms
     with open_store(person.server.database) as store:
@@ -58,9 +59,9 @@ def test_a_session_by_mouse_and_keyboard_with_a_reload_is_stored_as_it_was_given
 
 def test_a_double_click_is_one_answer(person: Person) -> None:
     person.sees_question(1)
-    person.page.locator("#answer-b").dblclick()
+    person.page.locator("#answer-second").dblclick()
     person.sees_question(2)
-    assert [answer["choice"] for answer in person.answers()] == ["b"]
+    assert person.positions() == ["second"]
 
 
 def test_two_tabs_make_one_answer_and_go_on_to_the_same_query(
@@ -74,11 +75,12 @@ def test_two_tabs_make_one_answer_and_go_on_to_the_same_query(
     second.page.route("**/screens", lambda route: held.append(route))
     second.page.goto(first.page.url)
     second.sees_question(1)
-    first.clicks("a")
+    first.clicks("first")
     first.sees_question(2)
-    second.clicks("b")
+    second.clicks("second")
+    expect(second.page.locator("#notice")).to_contain_text("in another window")
     second.sees_question(2)
-    assert [answer["choice"] for answer in first.answers()] == ["a"]
+    assert first.positions() == ["first"]
     # It would take the silence for a lost connection.
     second.page.unroute_all(behavior="ignoreErrors")
     for tab in (first, second):
@@ -92,7 +94,9 @@ def test_a_tab_in_the_background_follows_the_other_one(server: ServerProcess, op
     second.page.goto(first.page.url)
     for tab in (first, second):
         tab.sees_question(1)
-    first.clicks("a")
+    first.clicks("first")
+    expect(second.page.locator("#notice")).to_contain_text("in another window")
+    expect(first.page.locator("#notice")).to_be_empty()
     for tab in (first, second):
         tab.sees_question(2)
 

@@ -16,6 +16,7 @@ from app.services.walk import walk
 from app.settings import find_study
 from app.store import Store
 from study_core.comparison import Choice
+from study_core.session import AnswerGiven
 from tests.support.published import write_person
 
 QUICKSTART = find_study("quickstart")
@@ -81,7 +82,11 @@ def test_people_of_two_studies_are_not_averaged(store: Store, database_url: str,
     import_people(store, tmp_path, person_1=12)
     with wiring.headless(database_url) as runtime:
         _, record = services.join(runtime, QUICKSTART)
-        walk(runtime, record.id, lambda prepared: (list(Choice)[prepared.query_index % 2], 900))
+        walk(
+            runtime,
+            record.id,
+            lambda asked: AnswerGiven(asked.query_index, list(Choice)[asked.query_index % 2], 900),
+        )
     with pytest.raises(
         NobodyToEvaluateError, match=r"got katz2021-published and quickstart. Name one --study"
     ):

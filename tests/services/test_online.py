@@ -23,7 +23,7 @@ from app.settings import find_study
 from study_core.comparison import Choice
 from study_core.online.learn import learn_feature
 from study_core.participants import Habits
-from study_core.session import FeatureLearned, compared
+from study_core.session import AnswerGiven, FeatureLearned, compared
 from study_core.session_codec import from_json
 from study_core.study import Study, parse_study
 
@@ -109,7 +109,7 @@ def test_somebody_who_skips_is_asked_on_without_a_feature() -> None:
     study = online(("[prior]", 'answers = ["a", "b", "skip"]\n\n[prior]'))
     with wiring.headless() as runtime:
         _, record = services.join(runtime, study, rehearsal="skips")
-        walk(runtime, record.id, lambda prepared: (Choice.SKIP, 900))
+        walk(runtime, record.id, lambda asked: AnswerGiven(asked.query_index, Choice.SKIP, 900))
         kinds = {event.kind for event in runtime.store.events(record.id)}
         widths = {one.samples.shape[1] for one in runtime.store.posteriors(record.id)}
     assert "feature_learned" not in kinds

@@ -79,7 +79,8 @@ def test_people_answer_by_what_was_asked_for_them_and_not_by_the_study() -> None
     (odd,) = rehearsed(SHORT, Crowd(9, 1, Habits(drift_rad=0.2, side_bias=50.0), 20.0, 0.0))
     assert firm.rows[0]["true_weight"] == firm.rows[-1]["true_weight"] == odd.rows[0]["true_weight"]
     assert len({tuple(row["true_weight"].values()) for row in odd.rows}) == 5
-    assert [row["choice"] for row in odd.rows] == ["a"] * 5
+    assert [row["choice"] for row in odd.rows] == [row["first_shown"] for row in odd.rows]
+    assert {row["choice"] for row in odd.rows} == {"a", "b"}
     assert [row["probability"] for row in odd.rows] == pytest.approx([1.0] * 5)
     assert {(row["true_rationality"], row["true_lapse_rate"]) for row in odd.rows} == {(20.0, 0.0)}
     assert {(row["true_rationality"], row["true_lapse_rate"]) for row in firm.rows} == {(200.0, 0.1)}

@@ -11,8 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.stage.clip import LEAD_S, TAIL_S, build_clip, duration_s
-from app.stage.framing import Layout, frame, half_centres, half_extents
+from app.stage.clip import (
+    GONE_Z,
+    LEAD_S,
+    N_MARKS,
+    PARKED_Z,
+    TAIL_S,
+    build_clip,
+    duration_s,
+    mark_colour,
+)
+from app.stage.framing import CAMERA, Layout, frame, half_centres, half_extents
 from study_core.scene import Scene
 from tests.stage.made_up import DT_S, N_FRAMES, drive
 
@@ -128,6 +137,86 @@ def test_a_frozen_clip_stands_still_at_its_moment(scenes: tuple[Scene, Scene]) -
         np.testing.assert_allclose(glb.document["nodes"][node]["translation"], pose[:3], atol=1e-6)
         turn = np.array(glb.document["nodes"][node]["rotation"])
         assert np.exp(1j * (yaw_of(turn) - pose[3])) == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0])
+def test_another_speed_stretches_the_same_motion(scenes: tuple[Scene, Scene], speed: float) -> None:
+    usual, other = (read(build_clip(*scenes, Layout.WIDE, 1.3, speed=each)) for each in (1.0, speed))
+    for node in usual.moving():
+        for path in ("translation", "rotation"):
+            times, values = usual.curve(node, path)
+            stretched, same = other.curve(node, path)
+            np.testing.assert_allclose(stretched * speed, times, rtol=1e-6)
+            np.testing.assert_array_equal(same, values)
+
+
+@dataclass(frozen=True)
+class Square:
+    """A small square that faces the viewer: its middle, how far it reaches, and its colour for the renderer."""
+
+    middle: tuple[float, float, float]
+    reach: float
+    colour: tuple[float, ...]
+
+
+def squares(glb: Glb) -> list[Square]:
+    found = []
+    for primitive in [primitive for mesh in glb.document["meshes"] for primitive in mesh["primitives"]]:
+        points = glb.array(primitive["attributes"]["POSITION"])
+        if np.ptp(points[:, :2], axis=0).max() < 0.03 and points[:, 2].min() > 1:
+            material = glb.document["materials"][primitive["material"]]
+            colour = tuple(material["pbrMetallicRoughness"]["baseColorFactor"])
+            low, high = points.min(axis=0), points.max(axis=0)
+            x, y, z = ((low + high) / 2).tolist()
+            found.append(Square((round(x, 4), round(y, 4), round(z, 4)), float(high[0] - low[0]) / 2, colour))
+    return found
+
+
+def is_seen(square: Square, shift: float) -> bool:
+    """Whether the camera's planes have a square between them when its clip is shifted towards the viewer."""
+    distance = CAMERA.position[2] - square.middle[2] - shift
+    return CAMERA.near < distance < CAMERA.far
+
+
+@pytest.mark.parametrize("layout", Layout)
+def test_a_clip_shows_its_mark_or_only_its_flag_or_nothing(
+    scenes: tuple[Scene, Scene], layout: Layout
+) -> None:
+    mark, no_flag, flag = squares(read(build_clip(*scenes, layout, mark=5, flag=6)))
+    assert [is_seen(each, 0.0) for each in (mark, no_flag, flag)] == [True, True, False]
+    assert [is_seen(each, PARKED_Z) for each in (mark, no_flag, flag)] == [False, False, True]
+    assert [is_seen(each, GONE_Z) for each in (mark, no_flag, flag)] == [False, False, False]
+    # Everything else of it lies behind these two.
+    assert CAMERA.far - CAMERA.near < -PARKED_Z
+    assert mark.middle[:2] == (0.0, 0.0)
+    along = 0 if layout is Layout.WIDE else 1
+    assert flag.middle[:2] == no_flag.middle[:2]
+    assert flag.middle[along] > mark.reach + flag.reach
+    assert flag.middle[1 - along] == 0.0
+    # In front of the clip that is shown meanwhile.
+    assert flag.middle[2] + PARKED_Z > no_flag.middle[2]
+
+
+def test_each_of_eight_pictures_in_a_row_has_a_mark_of_its_own_and_each_of_seven_clips_a_flag(
+    scenes: tuple[Scene, Scene],
+) -> None:
+    marks, flags = [], []
+    for number in range(N_MARKS + 1):
+        clip = build_clip(*scenes, Layout.WIDE, 2.0, frozen=number % 2 == 0, mark=number, flag=number)
+        mark, no_flag, flag = squares(read(clip))
+        marks.append(mark.colour)
+        flags.append(flag.colour)
+        assert no_flag.colour == marks[0]
+    assert len(set(marks)) == N_MARKS
+    assert marks[0] == marks[N_MARKS]
+    assert flags == marks
+
+
+def test_a_mark_says_its_number_in_bits() -> None:
+    for number in range(-3, 20):
+        colour = mark_colour(number)
+        bits = [int(colour[i : i + 2], 16) > 0x80 for i in (1, 3, 5)]
+        assert bits[0] + 2 * bits[1] + 4 * bits[2] == number % N_MARKS
 
 
 @pytest.mark.parametrize("layout", Layout)

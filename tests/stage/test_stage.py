@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from app.stage.clip import build_clip, duration_s
+from app.stage.clip import N_FLAGS, TAIL_S, build_clip, duration_s
 from app.stage.framing import Layout
-from app.stage.keeper import Action, StageKeeper
+from app.stage.keeper import Action, InvalidActionError, StageKeeper
 from app.stage.stage import REVEAL_S, Picture, Stage, StageBusyError, StageClosedError
 from study_core.scene import Scene
 from tests.stage.made_up import drive
@@ -56,7 +56,7 @@ def nodes(stage: Stage) -> dict[str, tuple[bool, bytes]]:
     """Clips on a stage: whether each is seen, and its bytes."""
     handles = stage._server.scene._handle_from_node_name
     return {
-        name: (handle.visible, handle.glb_data)
+        name: (handle.position[2] == 0.0, handle.glb_data)
         for name, handle in dict(handles).items()
         if hasattr(handle, "glb_data")
     }
@@ -66,18 +66,39 @@ def seen(stage: Stage) -> list[bytes]:
     return [data for is_visible, data in nodes(stage).values() if is_visible]
 
 
+def shows(
+    stage: Stage,
+    picture: Picture,
+    start_s: float = 0.0,
+    frozen: bool = False,
+    layout: Layout = Layout.WIDE,
+    **how: float,
+) -> bool:
+    """Whether exactly one clip is seen, and it is this one, whatever its flag."""
+    [data] = seen(stage)
+    a, b, number = picture.a, picture.b, picture.number
+    return any(
+        data == build_clip(a, b, layout, start_s, frozen, mark=number, flag=flag, **how)
+        for flag in range(1, N_FLAGS + 1)
+    )
+
+
+def swapped(picture: Picture) -> Picture:
+    """The next query."""
+    return Picture("1", picture.b, picture.a, 1)
+
+
 def test_the_first_picture_is_seen_at_once(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
-    assert seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE)]
+    assert shows(stage, picture)
 
 
 def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     old = seen(stage)
-    stage.show(Picture("1", picture.b, picture.a))
+    stage.show(swapped(picture))
     assert seen(stage) == old
     assert len(nodes(stage)) == 2
-    new = [build_clip(picture.b, picture.a, Layout.WIDE)]
     states = []
 
     def done() -> bool:
@@ -87,17 +108,53 @@ def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, pict
         return len(nodes(stage)) == 1
 
     wait_until(done)
-    assert all(state in (old, new) for state in states)
-    assert states[-1] == new
+    assert {len(state) for state in states} == {1}
+    assert shows(stage, swapped(picture))
+
+
+def test_a_clip_is_revealed_as_soon_as_a_page_has_seen_its_flag_and_no_other(
+    stage: Stage, picture: Picture
+) -> None:
+    stage.show(picture)
+    stage.show(swapped(picture))
+    for other in set(range(1, N_FLAGS + 1)) - {stage._flag}:
+        stage.has_loaded(other)
+    assert shows(stage, picture)
+    stage.has_loaded(stage._flag)
+    assert shows(stage, swapped(picture))
+
+
+def test_a_flag_that_comes_late_reveals_nothing_newer(stage: Stage, picture: Picture) -> None:
+    stage.show(picture)
+    stage.replay()
+    late = stage._flag
+    stage.show(swapped(picture))
+    stage.has_loaded(late)
+    assert shows(stage, picture)
+
+
+def test_how_long_a_clip_takes_to_appear_is_learned_from_the_page(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.show(picture)
+    clock.now += 2.0
+    stage.replay()
+    clock.now += 0.08
+    stage.has_loaded(stage._flag)
+    clock.now += 1.0
+    stage.pause()
+    stage.has_loaded(stage._flag)
+    assert stage.playing is not None
+    assert stage.playing.position_s == pytest.approx(1.08 + 0.08)
 
 
 def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes: tuple[Scene, Scene]) -> None:
     for index in range(6):
         stage.show(Picture(str(index), *scenes))
         stage.replay()
-    last = Picture("9", drive(0.05), drive(-0.05))
+    last = Picture("9", drive(0.05), drive(-0.05), 9)
     stage.show(last)
-    wait_until(lambda: seen(stage) == [build_clip(last.a, last.b, Layout.WIDE)] and len(nodes(stage)) == 1)
+    wait_until(lambda: shows(stage, last) and len(nodes(stage)) == 1)
 
 
 def test_pause_shows_the_moment_at_which_the_still_picture_appears(
@@ -106,8 +163,7 @@ def test_pause_shows_the_moment_at_which_the_still_picture_appears(
     stage.show(picture)
     clock.now += 2.0
     stage.pause()
-    still = build_clip(picture.a, picture.b, Layout.WIDE, 2.0 + REVEAL_S, frozen=True)
-    wait_until(lambda: seen(stage) == [still])
+    wait_until(lambda: shows(stage, picture, 2.0 + REVEAL_S, frozen=True))
     assert stage.is_paused
 
 
@@ -117,8 +173,8 @@ def test_resume_goes_on_from_the_paused_moment(stage: Stage, picture: Picture, c
     stage.pause()
     clock.now += 30.0
     stage.resume()
-    # The hidden clip runs for REVEAL_S before it is seen.
-    wait_until(lambda: seen(stage) == [build_clip(picture.a, picture.b, Layout.WIDE, 2.0)])
+    # The clip runs for REVEAL_S before it is seen.
+    wait_until(lambda: shows(stage, picture, 2.0))
     assert not stage.is_paused
 
 
@@ -129,19 +185,72 @@ def test_pause_finds_its_place_after_several_loops(stage: Stage, picture: Pictur
     assert stage._play.start_s == pytest.approx(1.0 + REVEAL_S)
 
 
+def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
+    stage: Stage, picture: Picture, clock: Clock
+) -> None:
+    stage.show(picture)
+    clock.now += 2.0
+    stage.set_speed(2.0)
+    # It runs unseen for REVEAL_S at the new speed, while the old clip gets as far at the old one.
+    start_s = 2.0 + REVEAL_S - 2.0 * REVEAL_S
+    wait_until(lambda: shows(stage, picture, start_s, speed=2.0))
+    clock.now += 1.0
+    assert stage.playing is not None
+    assert stage.playing.position_s == pytest.approx(start_s + 2.0)
+    stage.pause()
+    wait_until(lambda: shows(stage, picture, start_s + 2.0 + 2.0 * REVEAL_S, frozen=True))
+    stage.show(swapped(picture))
+    wait_until(lambda: shows(stage, swapped(picture), speed=2.0))
+
+
+def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
+    stage: Stage, picture: Picture
+) -> None:
+    stage.show(picture)
+    stage.seek(3.0)
+    wait_until(lambda: shows(stage, picture, 3.0 - REVEAL_S))
+    stage.seek(0.1)
+    wait_until(lambda: shows(stage, picture))
+    stage.pause()
+    stage.seek(4.5)
+    wait_until(lambda: shows(stage, picture, 4.5, frozen=True))
+    assert stage.playing is not None
+    assert (stage.playing.position_s, stage.playing.is_paused) == (4.5, True)
+
+
+def test_whoever_wants_no_motion_sees_first_moments_until_they_press_play(
+    stage: Stage, picture: Picture
+) -> None:
+    stage.set_still(True)
+    stage.show(picture)
+    assert shows(stage, picture, frozen=True)
+    stage.resume()
+    wait_until(lambda: shows(stage, picture))
+    stage.show(swapped(picture))
+    wait_until(lambda: shows(stage, swapped(picture), frozen=True))
+
+
+def test_a_stage_tells_where_both_drives_end(stage: Stage, picture: Picture) -> None:
+    assert stage.playing is None
+    stage.show(picture)
+    assert stage.playing is not None
+    assert stage.playing.duration_s == duration_s(picture.a, picture.b)
+    assert stage.playing.end_s == stage.playing.duration_s - TAIL_S
+
+
 def test_another_layout_keeps_the_place_and_comes_at_once(
     stage: Stage, picture: Picture, clock: Clock
 ) -> None:
     stage.show(picture)
     clock.now += 1.5
     stage.set_layout(Layout.TALL)
-    assert seen(stage) == [build_clip(picture.a, picture.b, Layout.TALL, 1.5)]
+    assert shows(stage, picture, 1.5, layout=Layout.TALL)
 
 
 def test_a_new_picture_plays_even_if_the_last_was_paused(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     stage.pause()
-    stage.show(Picture("1", picture.b, picture.a))
+    stage.show(swapped(picture))
     assert not stage.is_paused
 
 
@@ -219,7 +328,7 @@ def test_refreshing_shows_a_new_query_but_does_not_restart_the_same_one(scenes: 
         before = seen(stage)
         keeper.refresh("ann")
         assert len(nodes(stage)) == 1
-        current[0] = Picture(1, *reversed(scenes))
+        current[0] = Picture("1", *reversed(scenes))
         keeper.refresh("ann")
         wait_until(lambda: seen(stage) != before)
         keeper.refresh("nobody")
@@ -236,6 +345,58 @@ def test_a_layout_asked_for_before_the_stage_exists_is_remembered(keeper: StageK
     assert stage.is_paused
     assert keeper.perform("ann", Action.RESUME)
     assert not stage.is_paused
+
+
+def test_a_page_may_seek_and_choose_one_of_three_speeds(keeper: StageKeeper) -> None:
+    assert not keeper.perform("ann", Action.SEEK, 1.0)
+    keeper.enter("ann")
+    assert keeper.perform("ann", Action.PAUSE)
+    assert keeper.perform("ann", Action.SEEK, 1.0)
+    assert keeper.perform("ann", Action.SPEED, 0.5)
+    playing = keeper.playing("ann")
+    assert playing is not None
+    assert (playing.position_s, playing.speed, playing.is_paused) == (1.0, 0.5, True)
+
+
+@pytest.mark.parametrize(
+    ("action", "value"),
+    [
+        (Action.SPEED, 3.0),
+        (Action.SPEED, None),
+        (Action.SEEK, None),
+        (Action.SEEK, -0.1),
+        (Action.SEEK, float("nan")),
+        (Action.LOADED, 0.0),
+        (Action.LOADED, 1.5),
+        (Action.LOADED, None),
+        (Action.REPLAY, 1.0),
+    ],
+)
+def test_a_value_that_no_page_would_send_is_refused(
+    keeper: StageKeeper, action: Action, value: float | None
+) -> None:
+    keeper.enter("ann")
+    with pytest.raises(InvalidActionError):
+        keeper.perform("ann", action, value)
+
+
+def test_a_wish_to_see_no_motion_is_remembered_like_a_layout(keeper: StageKeeper) -> None:
+    assert keeper.perform("ann", Action.STILL)
+    assert keeper.perform("ann", Action.TALL)
+    stage = keeper.enter("ann")
+    assert (stage.layout, stage.is_paused) == (Layout.TALL, True)
+    assert keeper.perform("ann", Action.MOVING)
+    assert not stage.is_paused
+
+
+def test_a_full_house_has_room_for_who_is_in_or_when_somebody_leaves(keeper: StageKeeper) -> None:
+    keeper.enter("ann")
+    assert keeper.has_room("cat")
+    keeper.enter("bob")
+    assert keeper.has_room("bob")
+    assert not keeper.has_room("cat")
+    keeper.leave("ann")
+    assert keeper.has_room("cat")
 
 
 def test_nothing_is_shown_while_there_is_no_picture() -> None:

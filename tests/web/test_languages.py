@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from concurrent.futures import ThreadPoolExecutor
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import DictLoader
 
-from app.settings import ROOT
+from app.settings import ROOT, STATIC
 from app.web.languages import (
     CATALOGUES,
     choose_language,
@@ -29,6 +30,15 @@ from app.web.pages import requested_language, templates
 
 TRANSLATIONS = [language for language in interface_languages() if language != "en"]
 PLACEHOLDER = re.compile(r"%\(\w+\)\w|%%|\{\w+\}|</?\w+[^>]*>")
+TEMPLATES = sorted((STATIC / "templates").glob("*.html"))
+# The tags of a template, what stands in a class attribute, and what they leave of a page.
+FILLED_IN = {
+    r"\{#.*?#\}": "",
+    r"\{% trans.*?endtrans %\}": "",
+    r"\{% block \w*class %\}.*?\{% endblock %\}": "",
+    r"\{%.*?%\}": "",
+    r"\{\{.*?\}\}": "x",
+}
 REMEDY = "Run `make messages` and translate what is new in static/locale."
 
 
@@ -88,6 +98,40 @@ def test_a_translation_has_the_placeholders_and_tags_of_its_original(language: s
             one, *many = forms_of(message.id)
             for form in forms_of(message.string):
                 assert placeholders(form) in [placeholders(original) for original in (one, *many)], form
+
+
+@pytest.mark.parametrize("language", TRANSLATIONS)
+def test_a_translation_is_set_with_the_marks_of_print(language: str) -> None:
+    said = [form for message in catalogue(language) if message.id for form in forms_of(message.string)]
+    assert [form for form in said if re.search(r"[\"']|\.\.\.| - ", PLACEHOLDER.sub("", form))] == []
+
+
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
+def test_a_template_says_nothing_that_is_not_translated(template: Path) -> None:
+    """What is left of a page without Jinja's tags holds no word, in its text or in what screen readers say."""
+    source = template.read_text(encoding="utf-8")
+    for said_by_jinja, instead in FILLED_IN.items():
+        source = re.sub(said_by_jinja, instead, source, flags=re.DOTALL)
+    assert Words(source).words == []
+
+
+class Words(HTMLParser):
+    """Collects the words of a page: its text, and the attributes that are shown or spoken."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.words: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        spoken = ("alt", "aria-label", "aria-valuetext", "aria-description", "placeholder", "title")
+        for name, value in attrs:
+            if name in spoken:
+                self.handle_data(value or "")
+
+    def handle_data(self, data: str) -> None:
+        self.words += re.findall(r"[^\W\d_]{2,}", data)
 
 
 def forms_of(text: object) -> tuple[str, ...]:

@@ -1,0 +1,210 @@
+// The stage: the frame in which viser draws the clip, and what it shows.
+//
+// When a picture is first seen. Every clip has a mark in the middle of the picture, below the gutter between the
+// sides, in one of eight colours (app/stage/clip.py). viser draws the mark in the same frame as the cars. Browsers
+// run a page's animation frame before that of the frames inside it, so what the page finds there in one animation
+// frame was drawn in the one before: that one's time is the picture's first.
+//
+// When a clip may be revealed. Beside the mark flies the flag of a clip that has loaded and waits behind the scene;
+// the page tells the server so (app/stage/stage.py).
+import { nextFrame, wait } from "./page.js";
+
+const N_MARKS = 8;
+const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches after so long, is loaded again
+const UNREADABLE_MS = 15000; // a browser that lets nobody read its pixels has surely drawn by then
+const REVEAL_MS = 1100; // by then a new picture has appeared in any case; see app/stage/stage.py
+const FLAG_SHIFT = 0.03; // from the middle along the gutter, in heights of the picture; see app/stage/clip.py
+const EXPECT_MS = 1500; // a change that hasn't come by then won't
+const FULL_HOUSE_MS = 6000;
+const TALL_BELOW = 1.05; // width over height of the window
+
+const sample = new OffscreenCanvas(2, 1).getContext("2d", { willReadFrequently: true });
+const stillness = matchMedia("(prefers-reduced-motion: reduce)");
+
+export class Stage {
+  /**
+   * `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come,
+   * `hears.revealed(playing)` that a new clip is on the screen, and how it plays.
+   */
+  constructor(frame, connection, hears) {
+    this.frame = frame;
+    this.connection = connection;
+    this.hears = hears;
+    this.layout = null;
+    this.loadedAt = Infinity; // when the stage's page had come, in milliseconds of performance.now()
+    this.nViewers = 0; // how many stages the server sees on this session
+    this.canRead = false; // whether a mark has ever been read
+    this.seen = { mark: null, at: 0 };
+    this.flag = 0; // the flag seen last
+    this.watchUntil = 0;
+    this.isWatching = false;
+    frame.addEventListener("load", () => this.onLoad());
+    stillness.addEventListener("change", () => this.command(this.motion));
+    addEventListener("resize", () => this.arrange());
+    // A second device may have rearranged the picture for itself.
+    addEventListener("focus", () => this.layout && this.command(this.layout));
+  }
+
+  get motion() {
+    return stillness.matches ? "still" : "moving";
+  }
+
+  // ---- loading ----
+
+  /** (Re)loads the scene. A server that has been restarted knows nothing of the page's wishes, so it is told first. */
+  async load() {
+    this.loadedAt = Infinity;
+    for (const wish of [this.motion, this.layout]) {
+      const isBusy = await this.isRefused(wish);
+      this.hears.busy(isBusy);
+      if (isBusy) return setTimeout(() => this.load(), FULL_HOUSE_MS);
+    }
+    // Replaced, so that the browser's back button doesn't step through stages.
+    this.frame.contentWindow?.location.replace(new URL("stage/", location.href));
+  }
+
+  async isRefused(wish) {
+    try {
+      const response = await this.connection.request("stage", { action: wish });
+      return response.status === 409;
+    } catch {
+      return false; // the next screen from the server tells when it is back
+    }
+  }
+
+  onLoad() {
+    this.loadedAt = performance.now();
+    this.seen = { mark: null, at: 0 };
+    this.hears.loaded();
+    // The graphics driver may restart; viser doesn't recover from that, a fresh page does.
+    let tries = 0;
+    const timer = setInterval(() => {
+      const canvas = this.canvas;
+      tries += 1;
+      canvas?.addEventListener("webglcontextlost", () => setTimeout(() => this.load(), 1000), { once: true });
+      if (canvas || tries > 40) clearInterval(timer);
+    }, 250);
+  }
+
+  /** Takes in how many stages the server sees; a stage that it doesn't see is loaded again. */
+  setViewers(nViewers) {
+    this.nViewers = nViewers;
+    if (nViewers === 0 && performance.now() - this.loadedAt > CONNECT_MS) this.load();
+  }
+
+  arrange() {
+    const layout = innerWidth / innerHeight < TALL_BELOW ? "tall" : "wide";
+    if (layout === this.layout) return;
+    const isFirst = this.layout === null;
+    this.layout = layout;
+    document.body.classList.toggle("tall", layout === "tall");
+    document.body.classList.toggle("wide", layout === "wide");
+    if (!isFirst) this.command(layout);
+  }
+
+  /** Asks something of the stage; gives how the clip plays then, or null. A stage that can't has lost its server. */
+  async command(action, value) {
+    this.watch();
+    try {
+      const response = await this.connection.request("stage", { action, value });
+      if (response.ok) return await response.json();
+      if (response.status === 409) this.load();
+    } catch {
+      this.connection.setOffline(true); // the next screen from the server tells when it is back
+    }
+    return null;
+  }
+
+  /** How the clip plays: place, end and length in seconds, speed, whether it is paused; or null. */
+  async playing() {
+    const response = await this.connection.request("stage").catch(() => null);
+    return response?.ok ? response.json() : null;
+  }
+
+  // ---- what is seen ----
+
+  get canvas() {
+    return this.frame.contentDocument?.querySelector("canvas[data-engine]") ?? null;
+  }
+
+  /** The number of the picture that the canvas shows, and the flag of the clip that waits; null without a picture. */
+  read() {
+    const canvas = this.canvas;
+    if (!canvas || canvas.width === 0 || canvas.height === 0) return null;
+    const [x, y] = [canvas.width >> 1, canvas.height >> 1];
+    const shift = Math.round(FLAG_SHIFT * canvas.height);
+    sample.clearRect(0, 0, 2, 1);
+    sample.drawImage(canvas, x, y, 1, 1, 0, 0, 1, 1);
+    if (this.layout === "wide") sample.drawImage(canvas, x + shift, y, 1, 1, 1, 0, 1, 1);
+    else sample.drawImage(canvas, x, y - shift, 1, 1, 1, 0, 1, 1);
+    const pixels = sample.getImageData(0, 0, 2, 1).data;
+    return pixels[3] === 255 ? { mark: numberOf(pixels, 0), flag: numberOf(pixels, 4) } : null;
+  }
+
+  /** Looks, frame by frame, for as long as a change is expected: reading pixels takes time, so not always. */
+  watch() {
+    this.watchUntil = performance.now() + EXPECT_MS;
+    if (!this.isWatching) this.look();
+  }
+
+  async look() {
+    this.isWatching = true;
+    let before = await nextFrame();
+    while (performance.now() < this.watchUntil) {
+      const now = await nextFrame();
+      this.take(this.read(), before);
+      before = now;
+    }
+    this.isWatching = false;
+  }
+
+  take(found, at) {
+    const mark = found?.mark ?? null;
+    if (mark !== this.seen.mark) this.seen = { mark, at };
+    if (found === null) return;
+    this.canRead = true;
+    if (found.flag !== this.flag && found.flag !== 0) this.reveal(found.flag);
+    this.flag = found.flag;
+  }
+
+  async reveal(flag) {
+    const response = await this.connection.request("stage", { action: "loaded", value: flag }).catch(() => null);
+    if (response?.ok) this.hears.revealed(await response.json());
+  }
+
+  /** Gives when a query's picture was first seen; `isWanted` tells whether anybody still asks. */
+  async firstFrame(queryIndex, isWanted) {
+    for (;;) {
+      this.watch();
+      await nextFrame();
+      if (!isWanted()) return null;
+      if (this.seen.mark === queryIndex % N_MARKS) return { at: this.seen.at, isSeen: true };
+      if (this.isUnreadable()) return this.assumedFirstFrame(isWanted);
+    }
+  }
+
+  isUnreadable() {
+    return !this.canRead && this.nViewers > 0 && performance.now() - this.loadedAt > UNREADABLE_MS;
+  }
+
+  async assumedFirstFrame(isWanted) {
+    await wait(REVEAL_MS);
+    return isWanted() ? { at: performance.now(), isSeen: false } : null;
+  }
+}
+
+/** What a mark's or flag's colour says: a bit in each of red, green and blue. */
+function numberOf(pixels, from) {
+  return [0, 1, 2].reduce((sum, bit) => sum + (pixels[from + bit] > 127 ? 1 << bit : 0), 0);
+}
+
+/** viser draws nothing without WebGL 2 and doesn't say so. */
+export function canDraw() {
+  try {
+    const context = document.createElement("canvas").getContext("webgl2");
+    context?.getExtension("WEBGL_lose_context")?.loseContext();
+    return Boolean(context);
+  } catch {
+    return false;
+  }
+}
