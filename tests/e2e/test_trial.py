@@ -284,7 +284,8 @@ def test_an_answer_is_acknowledged_within_a_tenth_of_a_second(person: Person) ->
         """() => new Promise((done) => {
           const button = document.getElementById("answer-first");
           const began = performance.now();
-          const look = () => button.matches(".is-chosen") ? done(performance.now() - began) : requestAnimationFrame(look);
+          const isChosen = () => button.matches(".is-chosen");
+          const look = () => isChosen() ? done(performance.now() - began) : requestAnimationFrame(look);
           button.click();
           requestAnimationFrame(look);
         })"""
