@@ -251,6 +251,16 @@ def test_an_id_that_has_finished_never_begins_again(runtime: Runtime, door: Door
     assert len(runtime.store.sessions()) == 1
 
 
+def test_whoever_stopped_before_a_question_finds_the_end_after_a_restart(runtime: Runtime) -> None:
+    asking = Door(runtime, find_study("quickstart"))
+    session_id = session_of(runtime, join(asking))
+    assert services.screen(runtime, session_id).kind == "question"
+    path.end(runtime, session_id, Ending.STOPPED)
+    for _ in range(2):
+        assert services.screen(runtime, session_id).kind == "finished"
+        runtime.forget(session_id)
+
+
 def test_an_id_is_one_person_across_versions_of_the_study(runtime: Runtime, door: Door) -> None:
     token = join(door, ALICE)
     mended = parse_study(study_with().text.replace('title = "', 'title = "Mended: '))
