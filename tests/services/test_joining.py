@@ -296,6 +296,20 @@ def test_closing_sends_nobody_away_who_is_in(runtime: Runtime, door: Door) -> No
     assert closed.arrive(new()).arrival is Arrival.CLOSED
 
 
+@pytest.mark.parametrize("invitation", [ANYBODY, ALICE])
+def test_whoever_was_deleted_by_another_process_is_somebody_new(
+    runtime: Runtime, door: Door, invitation: Invitation
+) -> None:
+    token = join(door, invitation)
+    session_id = session_of(runtime, token)
+    runtime.store.delete_session(session_id)
+    # What this process knew of the session has made room for others'; that it knows the token hasn't.
+    del runtime._live[session_id]
+    assert door.arrive(new(invitation, token)) == Welcome(Arrival.NEW)
+    assert door.join(new(invitation, token), new_token()).arrival is Arrival.RESUMED
+    assert len(runtime.store.sessions()) == 1
+
+
 def test_a_full_study_lets_somebody_in_for_each_who_leaves(
     runtime: Runtime, database_url: str, door: Door
 ) -> None:
