@@ -41,14 +41,15 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
     live = runtime.live(session_id)
     with live.lock:
         study, state = live.study, live.state
-    if isinstance(current_step(study, state), InstructionsStep):
+    step, current = current_step(study, state), state.current
+    if isinstance(step, InstructionsStep) and step.example:
         return Shown("example", _EXAMPLE, study.domain, _example(study), Choice.A)
-    current = state.current
     # A query may be prepared during a break, but it is seen from its beginning when the break is over.
     if current is None or next_action(study, state) is not Action.ASK:
         return None
-    query, first = current.proposed.query, current.first_shown or Choice.A
-    return Shown(f"query-{current.query_index}", current.query_index, study.domain, query, first)
+    # After an answer that was taken back, another query may have the same index.
+    key = "-".join([f"query-{current.query_index}", *current.clips.values()])
+    return Shown(key, current.query_index, study.domain, current.proposed.query, current.side_shown_first)
 
 
 @lru_cache(maxsize=8)

@@ -16,9 +16,9 @@ function onScreen(screen) {
 }
 
 async function onLoaded() {
-  byId("controls").hidden = false;
+  byId("pause").disabled = byId("replay").disabled = false;
   showPaused(stage.motion === "still");
-  while (stage.mark() === null) await wait(100);
+  while (stage.read() === null) await wait(100);
   byId("example").classList.add("is-shown");
 }
 
