@@ -88,6 +88,31 @@ def serve(
 
 
 @cli.command()
+def link(
+    external_ids: Annotated[
+        list[str],
+        typer.Argument(metavar="ID...", help="Whom the links are for: any names that tell them apart."),
+    ],
+    study: StudyOption = DEFAULT_STUDY,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    base_url: Annotated[
+        str, typer.Option(help="Address at which participants reach the server.")
+    ] = "http://127.0.0.1:8000",
+) -> None:
+    """Print each person's own link: it lets them in, and back in, from any browser.
+
+    A link holds for one study and one database, also while that is being served.
+    """
+    from app.services.links import personal_link
+    from app.store import open_store
+
+    name = find_study(study).name
+    with open_store(database) as store:
+        for external_id in external_ids:
+            print(personal_link(store, name, external_id, base_url))
+
+
+@cli.command()
 def replay(
     path: Annotated[
         Path, typer.Argument(help="JSON Lines of answers, or a folder that `export --format jsonl` wrote.")

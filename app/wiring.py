@@ -208,7 +208,7 @@ def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
         keeper.close()
         runtime.close()
 
-    runtime.on_change = on_change
+    runtime.on_change, runtime.on_deletion = on_change, keeper.forget
 
     def session_of(token: str) -> str | None:
         record = services.find(runtime, token)

@@ -26,6 +26,7 @@ class Domain(Protocol):
     Attributes:
         id: Name with a version, e.g. `driving-v1`; changed numbers are a new id, so old sessions replay.
         feature_names: Names of the hand-coded features, higher is better, length `n_features`.
+        feature_labels: What each of these is to the people who are asked, in a few English words; `N_` marks them.
         rich_feature_names: Names of the rich features, length `n_rich`.
         network_input_names: Names of all per-step inputs that a feature network may have; its configuration chooses.
         control_lower: Lower bound of each control, shape `(n_controls,)`.
@@ -34,6 +35,7 @@ class Domain(Protocol):
 
     id: str
     feature_names: tuple[str, ...]
+    feature_labels: tuple[str, ...]
     rich_feature_names: tuple[str, ...]
     network_input_names: tuple[str, ...]
     control_lower: Float[np.ndarray, " n_controls"]
@@ -69,6 +71,11 @@ class Domain(Protocol):
     def scene(self, controls: Float[np.ndarray, " n_controls"]) -> Scene:
         """Returns what to draw for one trajectory, its start included."""
         ...
+
+
+def N_(words: str) -> str:  # noqa: N802 (gettext's own name)
+    """Marks words for the catalogues; it is the pages that translate them."""
+    return words
 
 
 @cache

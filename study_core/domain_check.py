@@ -35,6 +35,7 @@ _HEX_COLOUR = re.compile(r"#[0-9a-fA-F]{6}([0-9a-fA-F]{2})?")
 _MEMBERS = (
     "id",
     "feature_names",
+    "feature_labels",
     "rich_feature_names",
     "network_input_names",
     "control_lower",
@@ -85,7 +86,7 @@ def _check_attributes(domain: object) -> Domain:
         raise DomainError(
             f"Expected an `id` that ends in a version, such as driving-v1, got {domain.id!r}. Add one."
         )
-    for attribute in ("feature_names", "rich_feature_names", "network_input_names"):
+    for attribute in ("feature_names", "feature_labels", "rich_feature_names", "network_input_names"):
         _check_names(attribute, getattr(domain, attribute))
     for attribute in ("control_lower", "control_upper"):
         _check_array(f"`{attribute}`", getattr(domain, attribute), (None,))
@@ -188,6 +189,11 @@ def _check_rollout(domain: Domain, controls: np.ndarray) -> np.ndarray:
 def _check_features(domain: Domain, states: np.ndarray) -> None:
     n_steps = states.shape[1]
     _check_batched("features", domain.features, (states,), (len(domain.feature_names),))
+    if len(domain.feature_labels) != len(domain.feature_names):
+        raise DomainError(
+            f"Expected `feature_labels` to have one label for each of {len(domain.feature_names)} features, got "
+            f"{len(domain.feature_labels)}. Say in a few words what each is."
+        )
     _check_batched("rich_features", domain.rich_features, (states,), (len(domain.rich_feature_names),))
     _check_batched(
         "network_inputs", domain.network_inputs, (states,), (n_steps, len(domain.network_input_names))

@@ -238,7 +238,7 @@ def _attempt(
         controls = pairs.controls[rank][order]
         has_converged = (bool(pairs.has_converged[rank]),) * 2
     else:
-        best = _best_trajectories(study, rng, pairs.weights[rank][order])
+        best = best_trajectories(study, rng, pairs.weights[rank][order])
         controls = best.controls
         has_converged = (bool(best.has_converged[0]), bool(best.has_converged[1]))
     paths = visible_paths(study.domain, controls)
@@ -247,9 +247,16 @@ def _attempt(
     return _Attempt(ranking, rank, controls, weights, has_converged, difference, is_distinct)
 
 
-def _best_trajectories(
-    study: Study, rng: np.random.Generator, weights: Float[np.ndarray, "2 n_features"]
+def best_trajectories(
+    study: Study, rng: np.random.Generator, weights: Float[np.ndarray, "n_weights n_features"]
 ) -> trajectory.BestTrajectories:
+    """Returns the best trajectory for each weight vector, as the study searches for them.
+
+    Args:
+        study: The study, with what is known.
+        rng: Draws the starts, where it searches from random ones.
+        weights: Of the features of `study.rewards`.
+    """
     section, rewards = study.file.trajectory, study.rewards
     if section.starts is None:
         assert rewards.bank is not None, "a study that searches from a bank has one"

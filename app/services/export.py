@@ -11,7 +11,15 @@ from typing import Literal
 
 from app.errors import AppError
 from app.services.table import Format, Row, Table
-from app.store import EventRecord, MeasureRecord, PosteriorRecord, SessionRecord, Source, Store
+from app.store import (
+    EventRecord,
+    ExternalPerson,
+    MeasureRecord,
+    PosteriorRecord,
+    SessionRecord,
+    Source,
+    Store,
+)
 from study_core import session_codec
 from study_core.comparison import Choice
 from study_core.path import questionnaire_of
@@ -116,7 +124,7 @@ def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[s
     """Gives every row of one person, with the name of its table."""
     events = store.events(record.id)
     log = tuple(session_codec.from_json(event.kind, event.payload) for event in events)
-    yield "people", _person_row(record, study, reduce(study, log))
+    yield "people", _person_row(record, study, reduce(study, log), store.external_person(record.id))
     withdrawn = _withdrawn(log)
     sides: dict[int, Choice | None] = {}
     for row, event in zip(events, log, strict=True):
@@ -148,7 +156,9 @@ def _withdrawn(log: tuple[Event, ...]) -> set[int]:
     return withdrawn
 
 
-def _person_row(record: SessionRecord, study: Study, state: SessionState) -> Row:
+def _person_row(
+    record: SessionRecord, study: Study, state: SessionState, person: ExternalPerson | None
+) -> Row:
     asked = list(zip(state.prepared, state.answers, strict=False))
     repeats = [
         given.choice is state.answers[query.repeat_of].choice
@@ -175,6 +185,8 @@ def _person_row(record: SessionRecord, study: Study, state: SessionState) -> Row
         "n_repeats_agreed": sum(repeats),
         "n_checks": len(checks),
         "n_checks_passed": sum(checks),
+        "external_id": None if person is None else person.external_id,
+        "other_ids": {} if person is None else person.other_ids,
     }
 
 

@@ -55,7 +55,7 @@ class StepReceipt:
     problems: dict[str, Problem] = field(default_factory=dict)
 
 
-def take_step(runtime: Runtime, session_id: str, step: int, form: Form) -> StepReceipt:
+def take_step(runtime: Runtime, session_id: str, step: int, form: Form, n_tries: int = 0) -> StepReceipt:
     """Takes a page of the path; one that was taken before, or isn't the current one, changes nothing.
 
     Args:
@@ -63,11 +63,13 @@ def take_step(runtime: Runtime, session_id: str, step: int, form: Form) -> StepR
         session_id: Whose page.
         step: Place of the step in the path, as the page knew it.
         form: What the person filled in.
+        n_tries: How often its check had been tried before, as the page knew it; a page that is sent twice is one try.
     """
     problems: dict[str, Problem] = {}
 
     def taken(live: LiveSession) -> StepTaken | None:
-        if next_action(live.study, live.state) is not Action.STEP or live.state.step != step:
+        is_at_a_step = next_action(live.study, live.state) is Action.STEP
+        if not is_at_a_step or (live.state.step, live.state.n_tries) != (step, n_tries):
             return None
         current = live.study.file.path[step]
         checked = _check(live.study, current, form)

@@ -61,7 +61,8 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     current = live.state.current
     live.ahead = {}
     following = live.state.query_index + 1
-    if current is None or following >= live.study.n_queries:
+    is_over = live.state.ending is not None
+    if current is None or is_over or following >= live.study.n_queries:
         return
     learning.begin_early(runtime, live)
     if not session_plan(live.study, live.state).needs_posterior(following):

@@ -72,6 +72,7 @@ class Runtime:
         test_set_fn: TestSetFn,
         learn_fn: LearnFn,
         on_change: Callable[[str], None] = lambda session_id: None,
+        on_deletion: Callable[[str], None] = lambda session_id: None,
         trainer: Trainer | None = None,
         populations: PopulationTrainer | None = None,
     ) -> None:
@@ -84,6 +85,7 @@ class Runtime:
             test_set_fn: Computes a study's common test set.
             learn_fn: Learns a feature from a session's own answers.
             on_change: Told the id of a session whose log has grown, after it is durable.
+            on_deletion: Told the id of a session that is no more.
             trainer: Learns from whoever has finished; None where nobody is to be learned from.
             populations: Learns what they have in common; None where nobody is to be learned from.
         """
@@ -92,6 +94,7 @@ class Runtime:
         self.continue_fn = continue_fn
         self.learn_fn = learn_fn
         self.on_change = on_change
+        self.on_deletion = on_deletion
         self.trainer = trainer
         self.populations = populations
         self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
@@ -157,11 +160,17 @@ class Runtime:
                 self._by_token[token_hash] = found
         return found
 
-    def _forget(self, record: SessionRecord) -> None:
+    def forget(self, session_id: str) -> None:
+        """Lets go of a session that was deleted, and of what is being computed for it."""
         with self._lock:
-            self._live.pop(record.id, None)
-            for token_hash in [key for key, known in self._by_token.items() if known.id == record.id]:
+            live = self._live.pop(session_id, None)
+            for token_hash in [key for key, known in self._by_token.items() if known.id == session_id]:
                 del self._by_token[token_hash]
+        if live is not None:
+            learning = () if live.learning is None else (live.learning[1],)
+            for computation in (*live.ahead.values(), *learning):
+                computation.cancel()
+        self.on_deletion(session_id)
 
     def _read(self, session_id: str) -> LiveSession:
         record = self.store.session(session_id)
@@ -196,10 +205,10 @@ class Runtime:
         try:
             goes_on_from_people = live.state.knowledge.population is not None
             self.store.append(
-                live.record.id, live.state.n_events, new, posterior, report, goes_on_from_people
+                live.record.id, live.state.n_events, new, posterior, report, goes_on_from_people, state.ending
             )
         except SessionDeletedError:
-            self._forget(live.record)
+            self.forget(live.record.id)
             raise
         except Exception:
             live.state, live.ahead = self._stored_state(live.study, live.record.id), {}

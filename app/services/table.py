@@ -60,7 +60,7 @@ def new_table(path: Path) -> Iterator[Table]:
 
 
 # What has no fixed entries.
-_ONE_CELL = {"payload", "stream", "versions", "clips", "value", "viewport", "other"}
+_ONE_CELL = {"payload", "other_ids", "stream", "versions", "clips", "value", "viewport", "other"}
 
 
 def _flatten(row: Row) -> Iterator[tuple[str, Any]]:

@@ -153,6 +153,13 @@ class StageKeeper:
         if stage is not None:
             self._refresh(stage, session_id)
 
+    def forget(self, session_id: str) -> None:
+        """Closes a session's stage at once, whoever watches, with the pictures that it holds."""
+        with self._lock:
+            self._wishes.pop(session_id, None)
+            if session_id in self._seats:
+                self._drop(session_id)
+
     def perform(self, session_id: str, action: Action, value: float | None = None) -> bool:
         """Does what a page asks.
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from sqlalchemy import delete, insert, select
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import delete, func, insert, select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
 from app.store.codec import decode_floats, decode_json, encode_floats, encode_json
 from app.store.errors import StoreError
-from app.store.models import PosteriorRow, table_of
-from app.store.records import PosteriorRecord
+from app.store.models import PosteriorRow, SessionRow, table_of
+from app.store.records import PosteriorRecord, Source
 
 
 def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
@@ -41,6 +43,40 @@ def of_session(rows: Session, session_id: str) -> tuple[PosteriorRecord, ...]:
         select(PosteriorRow).where(PosteriorRow.session_id == session_id).order_by(PosteriorRow.query_index)
     )
     return tuple(_record(row) for row in rows.scalars(query))
+
+
+def last_mean(rows: Session, session_id: str) -> NDArray[np.float64] | None:
+    """The mean of a session's last posterior, or None without any."""
+    sessions.by_id(rows, session_id)
+    query = (
+        select(PosteriorRow.mean, PosteriorRow.n_dims)
+        .where(PosteriorRow.session_id == session_id)
+        .order_by(PosteriorRow.query_index.desc())
+        .limit(1)
+    )
+    row = rows.execute(query).first()
+    return None if row is None else decode_floats(row.mean, (row.n_dims,))
+
+
+def last_means(rows: Session, study_hash: str) -> dict[str, NDArray[np.float64]]:
+    """By session, the last posterior's mean of everybody who has completed a study; rehearsals are nobody."""
+    last = (
+        select(PosteriorRow.session_id, func.max(PosteriorRow.query_index).label("query_index"))
+        .join(SessionRow, SessionRow.id == PosteriorRow.session_id)
+        .where(
+            SessionRow.study_hash == study_hash,
+            SessionRow.ending == sessions.COMPLETED,
+            SessionRow.source != Source.REHEARSED.value,
+        )
+        .group_by(PosteriorRow.session_id)
+        .subquery()
+    )
+    # The samples, which are large, stay where they are.
+    query = select(PosteriorRow.session_id, PosteriorRow.mean, PosteriorRow.n_dims).join(
+        last,
+        (last.c.session_id == PosteriorRow.session_id) & (last.c.query_index == PosteriorRow.query_index),
+    )
+    return {row.session_id: decode_floats(row.mean, (row.n_dims,)) for row in rows.execute(query)}
 
 
 def drop(rows: Session, session_id: str, query_index: int) -> None:

@@ -14,7 +14,7 @@ from app.store.models import SessionRow, StudyRow, TombstoneRow, table_of
 from app.store.records import SessionRecord, Source
 from app.store.utc import now
 
-_COMPLETED = "completed"
+COMPLETED = "completed"
 _OLDEST_FIRST = (SessionRow.created_at, SessionRow.study_hash, SessionRow.ordinal)
 
 
@@ -78,7 +78,7 @@ def of_study_named(rows: Session, name: str) -> list[SessionRecord]:
 def n_within_reach(rows: Session, study_name: str, begun_since: datetime) -> int:
     """How many participants of a study have completed it, or have begun it since then and not ended."""
     versions = select(StudyRow.study_hash).where(StudyRow.name == study_name)
-    has_completed = SessionRow.ending == _COMPLETED
+    has_completed = SessionRow.ending == COMPLETED
     is_under_way = SessionRow.ending.is_(None) & (SessionRow.created_at >= begun_since)
     query = select(func.count()).where(
         SessionRow.study_hash.in_(versions),

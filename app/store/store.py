@@ -8,6 +8,9 @@ from datetime import datetime
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.store import (
     artifacts,
     deletion,
@@ -306,6 +309,16 @@ class Store:
         """A session's posteriors, ordered by query index."""
         with self._database.reading() as rows:
             return posteriors.of_session(rows, session_id)
+
+    def last_mean(self, session_id: str) -> NDArray[np.float64] | None:
+        """The mean of a session's last posterior, shape `(d,)`, or None without any."""
+        with self._database.reading() as rows:
+            return posteriors.last_mean(rows, session_id)
+
+    def last_means(self, study_hash: str) -> dict[str, NDArray[np.float64]]:
+        """By session, the mean of the last posterior of each person who has completed a study, shape `(d,)`."""
+        with self._database.reading() as rows:
+            return posteriors.last_means(rows, study_hash)
 
     def put_artifact(self, key: str, kind: str, content: bytes) -> None:
         """Keeps a computed result; the first one kept under a key stays.

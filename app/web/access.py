@@ -10,10 +10,14 @@ from starlette.concurrency import run_in_threadpool
 from app.services import study as services
 from app.services.runtime import Runtime
 from app.store import SessionRecord
+from app.web.languages import N_
 
 UNKNOWN_LINK = (
-    "This link doesn’t open a session here",
-    "Check that the whole link was copied, or ask the person who sent it to you for a new one.",
+    N_("This link doesn’t open a session here"),
+    N_(
+        "Check that the whole link was copied, or ask the person who sent it to you for a new one.\n\n"
+        "If you have deleted your answers, this link went with them: nothing is left for it to open."
+    ),
 )
 
 

@@ -10,11 +10,32 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from app.services import study as services
+from app.services.links import IncompleteLinkError, WrongSignatureError
 from app.store import SessionDeletedError
 from app.web.guard import protect
+from app.web.languages import N_
 from app.web.pages import error_json, error_response
 
-_UNKNOWN_PAGE = ("There is nothing here", "Check that the whole address was copied.")
+_UNKNOWN_PAGE = (N_("There is nothing here"), N_("Check that the whole address was copied."))
+_INCOMPLETE_LINK = (
+    N_("This link is not complete"),
+    N_(
+        "It should say who you are, and doesn’t. Go back to where you found it and open it from there, or ask the "
+        "people who run the study for a new one. Nothing was begun."
+    ),
+)
+_WRONG_SIGNATURE = (
+    N_("This personal link is not right"),
+    N_(
+        "Check that the whole link was copied, to its very last letter, or ask the person who sent it to you for a new "
+        "one. Nothing was lost."
+    ),
+)
+_DELETED = (N_("This session was deleted"), N_("Nothing of it is kept. You can close this page."))
+_FAILURE = (
+    N_("Something went wrong on our side"),
+    N_("Your answers so far are saved. Please try again in a moment."),
+)
 
 
 def add_error_pages(site: FastAPI) -> None:
@@ -38,13 +59,19 @@ def add_error_pages(site: FastAPI) -> None:
 
     @site.exception_handler(SessionDeletedError)
     async def deleted(request: Request, error: SessionDeletedError) -> Response:
-        title, text = "This session was deleted", "Nothing of it is kept. You can close this page."
-        return error_response(request, 410, "deleted", title, text)
+        return error_response(request, 410, "deleted", *_DELETED)
+
+    @site.exception_handler(IncompleteLinkError)
+    async def incomplete_link(request: Request, error: IncompleteLinkError) -> Response:
+        return error_response(request, 400, "incomplete-link", *_INCOMPLETE_LINK)
+
+    @site.exception_handler(WrongSignatureError)
+    async def wrong_signature(request: Request, error: WrongSignatureError) -> Response:
+        return error_response(request, 403, "wrong-signature", *_WRONG_SIGNATURE)
 
     @site.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:
-        text = "Your answers so far are saved. Please try again in a moment."
-        response = error_response(request, 500, "internal", "Something went wrong on our side", text)
+        response = error_response(request, 500, "internal", *_FAILURE)
         # This runs outside the guard, and outside everything else.
         protect(request.url.path, response.headers)
         return response

@@ -1,4 +1,4 @@
-"""What every request must pass: the same origin for anything that writes, small bodies, few joins, safe headers."""
+"""What every request must pass: the same origin for anything that writes, small bodies, few tries, safe headers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from app.origin import is_same_origin
 from app.web.pages import error_response
 
 _LARGEST_BODY = 64 * 1024
-_JOINS_PER_MINUTE = 120
+# Room for a page of long answers in any script: a form takes up to 12 bytes for a character.
+_LARGEST_FORM = 512 * 1024
 _ADDRESSES_REMEMBERED = 10_000
 
 _HEADERS = {
@@ -68,26 +69,27 @@ class Guard:
         if not length.isdigit():
             title, text = "This request has no length", "Say how long it is."
             return error_response(request, 411, "length-required", title, text)
-        if int(length) > _LARGEST_BODY:
-            title, text = "This request is too large", f"Send at most {_LARGEST_BODY} bytes."
+        largest = _LARGEST_FORM if request.url.path.endswith("/step") else _LARGEST_BODY
+        if int(length) > largest:
+            title, text = "This request is too large", f"Send at most {largest} bytes."
             return error_response(request, 413, "too-large", title, text)
         return None
 
 
-class JoinLimit:
-    """At most so many new sessions a minute from one address."""
+class RateLimit:
+    """At most so many tries a minute from one address."""
 
-    def __init__(self, per_minute: int = _JOINS_PER_MINUTE) -> None:
+    def __init__(self, per_minute: int) -> None:
         self._per_minute = per_minute
-        self._joins: OrderedDict[str, deque[float]] = OrderedDict()
+        self._tries: OrderedDict[str, deque[float]] = OrderedDict()
 
     def allows(self, address: str) -> bool:
-        """Returns whether one more join is allowed now, and counts it if so."""
+        """Returns whether one more try is allowed now, and counts it if so."""
         now = time.monotonic()
-        recent = self._joins.setdefault(address, deque())
-        self._joins.move_to_end(address)
-        while len(self._joins) > _ADDRESSES_REMEMBERED:
-            self._joins.popitem(last=False)
+        recent = self._tries.setdefault(address, deque())
+        self._tries.move_to_end(address)
+        while len(self._tries) > _ADDRESSES_REMEMBERED:
+            self._tries.popitem(last=False)
         while recent and now - recent[0] > 60.0:
             recent.popleft()
         if len(recent) >= self._per_minute:

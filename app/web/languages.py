@@ -7,14 +7,16 @@ which `make messages` brings up to date; it is compiled in memory when it is fir
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from functools import lru_cache
 from gettext import GNUTranslations, NullTranslations
 from io import BytesIO
 
 from babel import Locale, UnknownLocaleError, negotiate_locale
+from babel.dates import format_date, format_time, get_timezone_gmt
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po
-from babel.numbers import format_decimal
+from babel.numbers import format_decimal, format_percent
 from babel.units import format_unit
 
 from app.settings import STATIC
@@ -59,14 +61,33 @@ def text_direction(language: str) -> str:
     return _locale(language).text_direction
 
 
+def language_name(language: str) -> str:
+    """Returns what a language calls itself, e.g. `Deutsch`."""
+    name = _locale(language).get_display_name(language)
+    return name or language
+
+
 def format_number(value: float, language: str) -> str:
     """Returns a number as the language writes it, e.g. `1.234,5` in German."""
     return format_decimal(value, locale=_locale(language))
 
 
+def format_share(share: float, language: str) -> str:
+    """Returns a share of 1 as the language writes percent, e.g. `42 %` in German."""
+    return format_percent(share, locale=_locale(language))
+
+
 def format_minutes(minutes: int, language: str) -> str:
     """Returns a duration in words, e.g. `12 minutes`."""
     return format_unit(minutes, "duration-minute", locale=_locale(language))
+
+
+def format_moment(moment: datetime, language: str) -> str:
+    """Returns an aware moment as the language writes it, with the day of the week and the offset of its own clock."""
+    locale = _locale(language)
+    day = format_date(moment, "full", locale=locale)
+    time = format_time(moment, "short", tzinfo=moment.tzinfo, locale=locale)
+    return f"{day}, {time} ({get_timezone_gmt(moment, 'long', locale=locale)})"
 
 
 def choose_language(wanted: str | None, accept_language: str | None, available: Sequence[str]) -> str:

@@ -11,7 +11,14 @@ from jinja2 import Environment, FileSystemLoader, pass_context, select_autoescap
 from jinja2.runtime import Context
 
 from app.settings import STATIC
-from app.web.languages import choose_language, format_number, interface_languages, text_direction, translator
+from app.web.languages import (
+    choose_language,
+    format_number,
+    format_share,
+    interface_languages,
+    text_direction,
+    translator,
+)
 from app.web.markdown import render_markdown
 
 
@@ -55,8 +62,13 @@ def _number(context: Context, value: float) -> str:
     return format_number(value, context["lang"])
 
 
+@pass_context
+def _percent(context: Context, share: float) -> str:
+    return format_share(share, context["lang"])
+
+
 def _environment() -> Environment:
-    """Returns the templates' environment: `_`, `ngettext`, `{% trans %}`, and the filters `number` and `markdown`."""
+    """Returns the templates' environment: `_`, `ngettext`, `{% trans %}`, and our filters."""
     environment = Environment(
         loader=FileSystemLoader(STATIC / "templates"),
         autoescape=select_autoescape(),
@@ -64,7 +76,7 @@ def _environment() -> Environment:
     )
     environment.policies["ext.i18n.trimmed"] = True
     environment.install_gettext_callables(_gettext, _ngettext, newstyle=True)  # type: ignore[attr-defined]
-    environment.filters |= {"number": _number, "markdown": render_markdown}
+    environment.filters |= {"number": _number, "percent": _percent, "markdown": render_markdown}
     return environment
 
 
@@ -81,6 +93,14 @@ def error_response(request: Request, status: int, code: str, title: str, text: s
     if "text/html" in request.headers.get("accept", ""):
         return message_page(request, title, text, status)
     return error_json(status, code, f"{title}. {text}")
+
+
+def form_page(request: Request, template: str, context: dict[str, Any], status: int = 200) -> HTMLResponse:
+    """Returns a page with a form."""
+    response = templates.TemplateResponse(request, template, context, status)
+    # Under `no-referrer`, browsers send the form with the origin "null", which the guard refuses.
+    response.headers["Referrer-Policy"] = "same-origin"
+    return response
 
 
 def message_page(request: Request, title: str, text: str, status: int) -> HTMLResponse:

@@ -1,4 +1,4 @@
-"""A session's pages and their JSON API, below its own secret address."""
+"""A session's one address, which always shows where the person is; and the screens as they change."""
 
 from __future__ import annotations
 
@@ -6,34 +6,39 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response, StreamingResponse
 
 from app.services import study as services
-from app.services.path import language_of
+from app.services.joining import end_if_too_old, following_token
 from app.web.access import ThisSession
-from app.web.pages import templates
+from app.web.ending import ending_page
 from app.web.parts import SiteParts
 from app.web.screens import screen_events
-from app.web.trial import trial_context
+from app.web.step_page import step_page
+from app.web.trial import trial_page
 from app.web.welcome import welcome_page
 
 
 def participant_routes(parts: SiteParts) -> APIRouter:
-    """Returns the routes below `/s/{token}/`, the stage's apart."""
+    """Returns the routes of `/s/{token}/` itself; what its pages send has routes of its own."""
     router = APIRouter(prefix="/s/{token}")
     runtime = parts.runtime
 
     @router.get("/")
-    def page(request: Request, session: ThisSession) -> Response:
+    def page(request: Request, token: str, session: ThisSession) -> Response:
+        end_if_too_old(runtime, session.id)
         screen = services.screen(runtime, session.id)
-        study = runtime.live(session.id).study
+        live = runtime.live(session.id)
         if screen.kind == "welcome":
-            return welcome_page(request, study)
-        language = language_of(runtime.live(session.id))
-        context = trial_context(study, language, screen)
-        return templates.TemplateResponse(request, "participant.html", context)
+            return welcome_page(request, live.study)
+        if screen.kind == "step":
+            return step_page(request, runtime, session.id, screen.step)
+        if screen.kind == "finished":
+            following = following_token(runtime, token)
+            return ending_page(request, live) if following is None else _to(following)
+        return trial_page(request, live, screen)
 
     @router.post("/")
     def begin(token: str, session: ThisSession) -> Response:
         services.begin(runtime, session.id)
-        return RedirectResponse(f"/s/{token}/", status_code=303)
+        return _to(token)
 
     @router.get("/screens")
     async def screens(session: ThisSession) -> Response:
@@ -43,3 +48,7 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         return StreamingResponse(events, headers=headers, media_type="text/event-stream")
 
     return router
+
+
+def _to(token: str) -> Response:
+    return RedirectResponse(f"/s/{token}/", status_code=303)

@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.services import study as services
 from app.services.runtime import Runtime
+from app.store import SessionDeletedError
 from app.web.changes import Changes
 
 _LONGEST_SILENCE_S = 15.0
@@ -22,7 +23,7 @@ async def screen_events(
 ) -> AsyncIterator[str]:
     """Yields the screen at once, after each change and, so that a dead connection is noticed, every 15 seconds.
 
-    Ends after the screen that says that the session is finished, and when the server does.
+    Ends after the screen that says that the session is finished, when it is deleted, and when the server ends.
 
     Args:
         runtime: The services' resources.
@@ -35,7 +36,10 @@ async def screen_events(
         while not changes.is_closing:
             # Before reading, so that a change after it is noticed.
             changed.clear()
-            screen = await run_in_threadpool(services.screen, runtime, session_id)
+            try:
+                screen = await run_in_threadpool(services.screen, runtime, session_id)
+            except SessionDeletedError:
+                return
             yield f"data: {json.dumps({**asdict(screen), 'stage_viewers': n_viewers(session_id)})}\n\n"
             if screen.kind == "finished":
                 return

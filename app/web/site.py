@@ -9,12 +9,15 @@ from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 
+from app.services.joining import Door
 from app.settings import STATIC
 from app.web.errors import add_error_pages
 from app.web.guard import Guard
 from app.web.joining import join_routes
+from app.web.leaving import leaving_routes
 from app.web.participant import participant_routes
 from app.web.parts import SiteParts
+from app.web.steps import step_routes
 from app.web.trial import trial_routes
 
 
@@ -37,8 +40,11 @@ def create_site(parts: SiteParts) -> FastAPI:
     def health() -> dict[str, str]:
         return {"status": "ok", "study": parts.study.name}
 
-    site.include_router(join_routes(parts))
+    door = Door(parts.runtime, parts.study)
+    site.include_router(join_routes(parts, door))
+    site.include_router(leaving_routes(parts, door))
     site.include_router(participant_routes(parts))
+    site.include_router(step_routes(parts))
     site.include_router(trial_routes(parts))
     site.include_router(parts.stage)
     return site

@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict
 
 from app.services import path
 from app.services import study as services
+from app.services.path import language_of
+from app.services.runtime import LiveSession
 from app.services.study import Screen
 from app.web.access import ThisSession
+from app.web.markdown import render_markdown
 from app.web.parts import SiteParts
-from study_core.study import Study
+from app.web.session_page import session_page
+from study_core.path import QueriesStep, text_of
 
 
 class AnswerBody(BaseModel):
@@ -36,26 +41,27 @@ class QueryBody(BaseModel):
     query_index: int
 
 
-def trial_context(study: Study, language: str, screen: Screen) -> dict[str, Any]:
-    """Returns what `participant.html` needs.
+def trial_page(request: Request, live: LiveSession, screen: Screen) -> Response:
+    """Returns the page of the queries.
 
     Args:
-        study: The study.
-        language: The one that the page is read in.
+        request: Whom it answers.
+        live: The session.
         screen: What the page shows first.
     """
-    answering = study.file.answering
-    return {
-        "title": study.title(language),
-        "question": study.text_named("question", language),
+    study, language = live.study, language_of(live)
+    current = study.file.path[screen.step]
+    pause = text_of(current) if isinstance(current, QueriesStep) else None
+    context = {
+        "question": study.text_named("question", language).strip(),
         "screen": asdict(screen),
         "settings": {
-            "confidence": answering.confidence,
-            "watch_once": answering.watch_once,
-            "take_back": answering.take_back,
+            **study.file.answering.model_dump(),
             "answers": [str(choice) for choice in study.answers],
         },
+        "break_text": "" if pause is None else render_markdown(study.text_named(pause, language)),
     }
+    return session_page(request, live, "participant.html", context)
 
 
 def trial_routes(parts: SiteParts) -> APIRouter:

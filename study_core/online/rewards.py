@@ -11,13 +11,14 @@ from jaxtyping import Float
 from study_core.bank import Bank, open_bank
 from study_core.differences import central_differences
 from study_core.distinctness import visible_paths
-from study_core.domain import Domain, domain_named
+from study_core.domain import N_, Domain, domain_named
 from study_core.online.feature import LearnedFeature
 from study_core.posterior.prior import Prior
 from study_core.rewards import Rewards
 from study_core.scene import Scene
 
 FEATURE_NAME = "learned"
+FEATURE_LABEL = N_("Something more that your answers showed")
 _MOST_BANKS = 64
 
 
@@ -34,6 +35,7 @@ class DomainWithFeature:
         self.feature = feature
         self.id = f"{FEATURE_NAME}-{feature.digest}+{base.id}"
         self.feature_names = (*base.feature_names, FEATURE_NAME)
+        self.feature_labels = (*base.feature_labels, FEATURE_LABEL)
         self.rich_feature_names = base.rich_feature_names
         self.network_input_names = base.network_input_names
         self.control_lower = base.control_lower

@@ -157,6 +157,7 @@ BREACHES = {
     "an empty feature name": ({"feature_names": ("lane", "", "heading", "collision")}, "`feature_names`"),
     "a name twice": ({"network_input_names": ("x", "x", "heading", "speed")}, "`network_input_names`"),
     "a list of names": ({"feature_names": ["lane", "speed", "heading", "collision"]}, "`feature_names`"),
+    "a feature without a label": ({"feature_labels": ("a", "b", "c")}, "`feature_labels`"),
     "too many feature names": ({"feature_names": ("a", "b", "c", "d", "e")}, "`features`"),
     "too many rich names": (
         {"rich_feature_names": (*Driving.rich_feature_names, "luck")},
@@ -348,6 +349,7 @@ def test_a_breach_is_caught_and_named(breach):
     [
         "id",
         "feature_names",
+        "feature_labels",
         "rich_feature_names",
         "control_upper",
         "rollout",
@@ -377,6 +379,7 @@ def test_a_domain_with_other_sizes_and_bounds_passes():
 
         id = "crane-v12"
         feature_names = ("height",)
+        feature_labels = ("Going high",)
         rich_feature_names = ("height", "highest")
         network_input_names = ("angle", "angle squared")
         control_lower, control_upper = np.array([-3.0, 10.0]), np.array([-1.0, 20.0])

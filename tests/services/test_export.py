@@ -16,7 +16,7 @@ from app.services.rehearsal import Crowd, rehearse
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.services.walk import walk
 from app.settings import find_study
-from app.store import Store, open_store
+from app.store import ExternalPerson, NewEvent, Source, Store, open_store
 from study_core.errors import ScriptError
 from study_core.session import AnswerGiven, QueryPrepared
 from study_core.study import parse_study
@@ -62,6 +62,26 @@ def test_answers_keep_their_response_times_and_people_say_whether_they_finished(
     assert (real["is_finished"], real["n_answers"]) == (False, 2)
     answers = [row for row in rows(exported / "answers.jsonl") if row["person_id"] == real["person_id"]]
     assert [(row["choice"], row["response_time_ms"]) for row in answers] == [("a", 1234), ("b", 2345)]
+
+
+def test_people_are_who_their_links_said_they_are(database_url: str, tmp_path: Path) -> None:
+    with open_store(database_url) as store:
+        store.put_study(QUICKSTART.hash, QUICKSTART.name, QUICKSTART.text)
+        person = ExternalPerson("quickstart", "a-pid", {"STUDY_ID": "a-study"})
+        session = store.create_session(QUICKSTART.hash, "token", Source.JOINED, None, person)
+        given, taken_back = (
+            NewEvent(kind, {"query_index": 0}) for kind in ("answer_given", "answer_taken_back")
+        )
+        store.append(session.id, 0, [given, taken_back], ending="stopped")
+        store.create_session(QUICKSTART.hash, "another", Source.JOINED)
+        for form in ("jsonl", "csv"):
+            export(store, tmp_path / form, form, "all", lambda: None)
+    known, unknown = rows(tmp_path / "jsonl" / "people.jsonl")
+    assert (known["external_id"], known["other_ids"]) == ("a-pid", {"STUDY_ID": "a-study"})
+    assert (known["ending"], known["n_answers"]) == ("stopped", 0)
+    assert (unknown["external_id"], unknown["other_ids"], unknown["ending"]) == (None, {}, None)
+    with (tmp_path / "csv" / "people.csv").open() as file:
+        assert [json.loads(row["other_ids"]) for row in csv.DictReader(file)] == [{"STUDY_ID": "a-study"}, {}]
 
 
 def test_queries_hold_controls_features_and_provenance(exported: Path) -> None:

@@ -21,6 +21,7 @@ class HillsDomain:
 
     id = "hills-v1"
     feature_names = ("south-west", "east", "north")
+    feature_labels = feature_names
     rich_feature_names = (*feature_names, "x", "y")
     network_input_names = ("x",)
     control_lower = np.array([-1.0, -1.0])

@@ -115,6 +115,7 @@ class QuadraticDomain:
     def __init__(self, targets, scales):
         self.targets, self.scales = np.array(targets, dtype=float), np.array(scales, dtype=float)
         self.feature_names = tuple(f"closeness {k}" for k in range(len(self.targets)))
+        self.feature_labels = self.feature_names
         self.rich_feature_names = tuple(f"control {c}" for c in range(len(self.scales)))
         self.control_lower = np.full(len(self.scales), -1.0)
         self.control_upper = np.full(len(self.scales), 1.0)
@@ -150,6 +151,7 @@ class BangBangDomain(QuadraticDomain):
 
     id = "bang-bang-v1"
     feature_names = ("forwards", "backwards")
+    feature_labels = feature_names
     rich_feature_names = ("control",)
     network_input_names = ("control",)
     control_lower = np.array([-1.0])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from functools import partial
 
 import httpx
 import pytest
 
 from app.services import study as services
 from app.web import joining
-from app.web.guard import JoinLimit
+from app.web.guard import RateLimit
 from app.web.parts import SiteParts
 from tests.support.screens import first_question, screens
 from tests.web.test_pages import BROWSER, assert_safe
@@ -21,7 +20,7 @@ JOINS = 3
 @pytest.fixture(autouse=True)
 def few_joins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets three people a minute in."""
-    monkeypatch.setattr(joining, "JoinLimit", partial(JoinLimit, JOINS))
+    monkeypatch.setattr(joining, "_JOINS_PER_MINUTE", JOINS)
 
 
 def test_more_joins_than_a_minute_takes_are_asked_to_wait(url: str) -> None:
@@ -43,7 +42,7 @@ def test_the_join_limit_forgets_after_a_minute_and_counts_addresses_apart(
 ) -> None:
     now = [1000.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    limit = JoinLimit(per_minute=2)
+    limit = RateLimit(per_minute=2)
     assert [limit.allows("one") for _ in range(3)] == [True, True, False]
     assert limit.allows("two")
     now[0] += 61.0

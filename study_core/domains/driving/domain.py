@@ -53,6 +53,7 @@ class Driving:
 
     id = "driving-v1"
     feature_names = features.FEATURE_NAMES
+    feature_labels = features.FEATURE_LABELS
     rich_feature_names = rich_features.RICH_FEATURE_NAMES
     network_input_names = features.NETWORK_INPUT_NAMES
     control_lower = np.full(2 * N_BLOCKS, -1.0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from study_core.domain import N_
 from study_core.domains.driving.dynamics import HUMAN_PATH
 
 LANE_CENTRES = np.array([-0.17, 0.0, 0.17])
@@ -17,6 +18,12 @@ LANE_SHARPNESS = 30.0
 COLLISION_X, COLLISION_Y = 7.0, 3.0
 
 FEATURE_NAMES = ("lane", "speed", "heading", "collision")
+FEATURE_LABELS = (
+    N_("Keeping to the middle of a lane"),
+    N_("Going at a steady, moderate speed"),
+    N_("Driving straight ahead"),
+    N_("Keeping clear of the other car"),
+)
 NETWORK_INPUT_NAMES = ("x", "distance", "heading", "speed", "time_gap")
 
 # Cars whose speeds differ by less than this neither approach nor part, to the time gap.
