@@ -21,7 +21,6 @@ from tests.support.server import ServerProcess, running_server
 pytestmark = pytest.mark.browser
 
 ANSWERING = Path(__file__).with_name("answering.toml")
-WATCHING = Path(__file__).with_name("watching.toml")
 N_QUERIES = find_study(str(ANSWERING)).n_queries
 
 
@@ -284,8 +283,8 @@ def test_an_answer_is_acknowledged_within_a_tenth_of_a_second(person: Person) ->
         """() => new Promise((done) => {
           const button = document.getElementById("answer-first");
           const began = performance.now();
-          const isChosen = () => button.matches(".is-chosen");
-          const look = () => isChosen() ? done(performance.now() - began) : requestAnimationFrame(look);
+          const isTold = () => button.matches(".is-chosen");
+          const look = () => isTold() ? done(performance.now() - began) : requestAnimationFrame(look);
           button.click();
           requestAnimationFrame(look);
         })"""
@@ -296,7 +295,10 @@ def test_an_answer_is_acknowledged_within_a_tenth_of_a_second(person: Person) ->
 def test_both_drives_must_be_shown_to_their_end_where_the_study_says_so(
     tmp_path: Path, open_page: OpenPage
 ) -> None:
-    with running_server(tmp_path, str(WATCHING)) as server:
+    text = ANSWERING.read_text().replace('name = "answering"', 'name = "watching"')
+    study = tmp_path / "watching.toml"
+    study.write_text(text.replace("confidence = true", "watch_once = true"))
+    with running_server(tmp_path, str(study)) as server:
         person = join(open_page(), server, "watching")
         sees(person, 1, is_open=False)
         first = person.page.locator("#answer-first")
