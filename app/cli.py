@@ -121,7 +121,7 @@ def replay(
 ) -> None:
     """Run a scripted or exported session again, headless; fail at the first query that comes out differently.
 
-    Who started from somebody who has been deleted is left out, and named.
+    Who was asked nothing, or started from somebody who has been deleted, is left out, and named.
 
     The first line of a script is like {"study": "quickstart", "participant": 1}; each line after it like
     {"query_index": 0, "choice": "a", "response_time_ms": 1200}.
@@ -138,7 +138,8 @@ def replay(
                 continue
             build_bank(script.study)
             summary = replay_script(runtime, script)
-            _print_summary(summary, json_, f"{script.source}: {len(script.stored)} stored queries reproduced")
+            n_stored = len(script.stored or ())
+            _print_summary(summary, json_, f"{script.source}: {n_stored} stored queries reproduced")
 
 
 @cli.command()
@@ -165,7 +166,9 @@ def simulate(
     ] = 0.0,
     side_bias: Annotated[
         float,
-        typer.Option(min=-100.0, max=100.0, help="What is added to their log-odds of A, whatever is shown."),
+        typer.Option(
+            min=-100.0, max=100.0, help="What is added to their log-odds of what stands first on the screen."
+        ),
     ] = 0.0,
     unsure_rate: Annotated[
         float,
@@ -464,10 +467,11 @@ def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_qu
         ]
         values = " ".join(f"{value:+.3f}" for value in difference)
         out.print(
-            f"  query {row['query_index']:3d} {row['phase']:6s} {values}  -> {row['choice']}", highlight=False
+            f"  query {row['query_index']:3d} {row['phase']:8s} {values}  -> {row['choice']}", highlight=False
         )
-    mean = " ".join(f"{value:.3f}" for value in summary["posterior"]["mean"])
-    out.print(f"  posterior mean {mean}, test accuracy {summary['test_accuracy']}", highlight=False)
+    if summary["posterior"] is not None:
+        mean = " ".join(f"{value:.3f}" for value in summary["posterior"]["mean"])
+        out.print(f"  posterior mean {mean}, test accuracy {summary['test_accuracy']}", highlight=False)
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
@@ -230,6 +231,12 @@ Path = tuple[Step, ...]
 
 QUERIES_ALONE: Path = (QueriesStep(),)
 
+Questionnaires = dict[Name, Annotated[tuple[Item, ...], Field(min_length=1, strict=False)]]
+"""Questionnaires by name."""
+
+REQUIRED_TEXTS = ("welcome", "question", "thanks")
+"""What every study says: on its first page, above every pair, at the end."""
+
 
 def text_of(step: Step) -> str | None:
     """Returns the name of the text that a step shows, if it shows one."""
@@ -243,3 +250,15 @@ def questionnaire_of(step: Step) -> str | None:
     if isinstance(step, QuestionnaireStep):
         return step.questionnaire
     return step.check if isinstance(step, PracticeStep) else None
+
+
+def needed_texts(path: Path, endings: Mapping[str, EndingSection]) -> tuple[str, ...]:
+    """Returns the names of all texts that a study with that path and those endings shows, each once."""
+    of_steps = [name for name in map(text_of, path) if name is not None]
+    of_endings = [ending.text for ending in endings.values() if ending.text is not None]
+    return tuple(dict.fromkeys([*REQUIRED_TEXTS, *of_steps, *of_endings]))
+
+
+def needed_questionnaires(path: Path) -> tuple[str, ...]:
+    """Returns the names of all questionnaires that a path asks, each once."""
+    return tuple(dict.fromkeys(name for name in map(questionnaire_of, path) if name is not None))

@@ -15,6 +15,7 @@ from study_core.acquisition.pairs import RankedPairs, RankedTrajectories, Ranked
 from study_core.comparison import ComparisonSet, Query
 from study_core.distinctness import visible_difference, visible_paths
 from study_core.domain import Domain
+from study_core.knowledge import NOTHING
 from study_core.posterior import metropolis
 from study_core.posterior.run import Posterior, infer
 from study_core.streams import stream
@@ -166,11 +167,11 @@ def propose_common_query(study: Study, purpose: str, number: int) -> ProposedQue
     """Returns a query that is the same for everyone and isn't of the test set: for practice, or for a check.
 
     Args:
-        study: The study.
+        study: The study; what a session knows besides has no part in it.
         purpose: Names the random streams.
         number: Of the query among those of its purpose, from 0.
     """
-    return _propose_common(f"{purpose}-weights", purpose, study, number)
+    return _propose_common(f"{purpose}-weights", purpose, study.knowing(NOTHING), number)
 
 
 def _propose_common(weights_stream: str, purpose: str, study: Study, number: int) -> ProposedQuery:

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from study_core import session_codec
-from study_core.session import Event
+from study_core.session import Event, QueryPrepared
 
 # What says when and by whom something was computed, not what it is.
 _CIRCUMSTANCES = ("code_version", "compute_ms")
+
+# Where a trajectory stands is seen in the clips, too.
+_SIDES = ("first_shown", "clips")
 
 
 def first_difference(stored: Event, derived: Event) -> str | None:
     """Returns the name and both values of the first number or text that differs, or None.
 
-    The cost of computing it and the version of the program are circumstances, not part of it.
+    The cost of computing it and the version of the program are circumstances, not part of it. A query that was stored
+    before sides were drawn is compared without its sides.
     """
-    return _difference("", _content(stored), _content(derived))
+    has_sides = not isinstance(stored, QueryPrepared) or stored.first_shown is not None
+    left_out = _CIRCUMSTANCES if has_sides else (*_CIRCUMSTANCES, *_SIDES)
+    return _difference("", _content(stored, left_out), _content(derived, left_out))
 
 
-def _content(event: Event) -> session_codec.Json:
-    content = session_codec.to_json(event)
-    return {key: value for key, value in content.items() if key not in _CIRCUMSTANCES}
+def _content(event: Event, left_out: tuple[str, ...]) -> session_codec.Json:
+    return {key: value for key, value in session_codec.to_json(event).items() if key not in left_out}
 
 
 def _difference(where: str, stored: object, derived: object) -> str | None:

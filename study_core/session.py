@@ -101,7 +101,8 @@ class QueryPrepared:
         clips: SHA-256 of the clip in each picture layout: what exactly is shown.
         code_version: Version of prefstudy that computed or imported it.
         compute_ms: What it cost, one core; None for an imported query.
-        first_shown: The trajectory in the first position on the screen; None where nobody wrote it down.
+        first_shown: The trajectory in the first position on the screen; None where nobody wrote it down: in an
+            imported session, and in one kept before sides were drawn, which showed A first.
         repeat_of: Index of the query that this one asks again.
         instructed: What a check tells the person to choose.
     """
@@ -115,6 +116,11 @@ class QueryPrepared:
     first_shown: Choice | None
     repeat_of: int | None = None
     instructed: Position | None = None
+
+    @property
+    def side_shown_first(self) -> Choice:
+        """Returns the trajectory that stands in the first position: A where nobody wrote it down."""
+        return self.first_shown or Choice.A
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,11 @@ class AnswerTakenBack:
 
 @dataclass(frozen=True)
 class SessionEnded:
-    """The session is over before its path is: the person has stopped, or was away for too long."""
+    """The session is over before its path is: the person has stopped, or was away for too long.
+
+    Attributes:
+        ending: `stopped` or `timed-out`.
+    """
 
     ending: Ending
 
@@ -242,7 +252,7 @@ class SessionState:
         taken: What was said in the steps so far.
         last_break: The query before which the last break was; 0 before the first.
         ending: How the session ended; None while it goes on.
-        before_answer: The state before the last answer, as long as that can be taken back.
+        before_answer: The state before the last answer, in studies that let it be taken back.
     """
 
     n_events: int
@@ -267,8 +277,9 @@ class SessionState:
 
     @property
     def current(self) -> QueryPrepared | None:
-        """Returns the query being asked, if there is one."""
-        return self.prepared[-1] if len(self.prepared) > len(self.answers) else None
+        """Returns the query being asked, if there is one; during a break, the one that follows it."""
+        is_asked = self.ending is None and len(self.prepared) > len(self.answers)
+        return self.prepared[-1] if is_asked else None
 
 
 def session_plan(study: Study, state: SessionState) -> Plan:
@@ -354,7 +365,9 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
         return _take_step(study, state, event)
     if isinstance(event, BreakTaken):
         return _take_break(study, state, event)
-    if isinstance(event, (PopulationAdopted, FeatureLearned)):
+    if isinstance(event, PopulationAdopted):
+        return _adopt(state, event)
+    if isinstance(event, FeatureLearned):
         return _learn(study, state, event)
     if isinstance(event, QueryPrepared):
         return _prepare(study, state, event)
@@ -362,7 +375,7 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
         return _answer(study, state, event)
     if isinstance(event, AnswerTakenBack):
         return _take_back(study, state, event)
-    return replace(state, ending=event.ending)
+    return _end(state, event)
 
 
 def _begin(state: SessionState, event: SessionBegun) -> SessionState:
@@ -417,14 +430,30 @@ def _take_break(study: Study, state: SessionState, event: BreakTaken) -> Session
     return replace(state, last_break=event.query_index)
 
 
-def _learn(study: Study, state: SessionState, event: PopulationAdopted | FeatureLearned) -> SessionState:
+def _end(state: SessionState, event: SessionEnded) -> SessionState:
+    if event.ending not in (Ending.STOPPED, Ending.TIMED_OUT):
+        raise SessionError(
+            f"Expected the ending '{Ending.STOPPED}' or '{Ending.TIMED_OUT}', got '{event.ending}'. "
+            "Take the step that leads there."
+        )
+    return replace(state, ending=event.ending)
+
+
+def _adopt(state: SessionState, event: PopulationAdopted) -> SessionState:
+    is_first = state.participant is not None and not state.prepared
+    if not is_first or event.query_index != state.query_index:
+        raise SessionError(
+            f"Expected what people before taught at the beginning of a session, got it for query {event.query_index}."
+        )
+    return replace(state, knowledge=replace(state.knowledge, population=event.population))
+
+
+def _learn(study: Study, state: SessionState, event: FeatureLearned) -> SessionState:
     if not needs_query(study, state) or event.query_index != state.query_index:
         raise SessionError(
-            f"Expected something learned before query {state.query_index} is prepared, got it for query "
+            f"Expected a feature learned before query {state.query_index} is prepared, got it for query "
             f"{event.query_index}."
         )
-    if isinstance(event, PopulationAdopted):
-        return replace(state, knowledge=replace(state.knowledge, population=event.population))
     feature = event.feature or state.knowledge.feature
     knowledge = replace(state.knowledge, feature=feature)
     return replace(state, knowledge=knowledge, n_queries_learned=event.n_queries)
@@ -469,7 +498,7 @@ def _has_check(step: Step | None) -> bool:
 
 
 def can_take_back(study: Study, state: SessionState) -> bool:
-    """Returns whether the last answer can be taken back: the study allows it, and nothing has come after it."""
+    """Returns whether the last answer can be taken back: the study allows it, and its step goes on."""
     before = state.before_answer
     return before is not None and before.step == state.step and _is_asking(study, state)
 

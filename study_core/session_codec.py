@@ -173,8 +173,8 @@ def _query_prepared(content: Json) -> QueryPrepared:
         dict(content["clips"]),
         content["code_version"],
         content["compute_ms"],
-        # The first sessions ever kept showed A first, and didn't say so.
-        _choice(content.get("first_shown", Choice.A)),
+        # The first sessions ever kept don't say it; they showed A first.
+        _choice(content.get("first_shown")),
         content.get("repeat_of"),
         None if content.get("instructed") is None else Position(content["instructed"]),
     )

@@ -22,11 +22,11 @@ from study_core.path import (
     QUERIES_ALONE,
     Ending,
     EndingSection,
-    Item,
     Path,
     PracticeStep,
-    questionnaire_of,
-    text_of,
+    Questionnaires,
+    needed_questionnaires,
+    needed_texts,
 )
 from study_core.section import Language, Name, Section, Words
 
@@ -55,10 +55,6 @@ TieThreshold = Annotated[
     Annotated[float, Field(ge=1e-3, le=50), Tag("<number>")] | Annotated[Literal["inferred"], Tag("<word>")],
     Discriminator(_kind_of_setting),
 ]
-
-
-REQUIRED_TEXTS = ("welcome", "question", "thanks")
-"""What every study says: on its first page, above every pair, at the end."""
 
 
 class ProtocolSection(Section):
@@ -264,7 +260,7 @@ class StudyFile(Section):
     languages: tuple[Language, ...] = Field(("en",), min_length=1, description="The first is the default.")
     text: dict[str, Words] = Field(description="What the participant reads, by name; Markdown.")
     path: Path = QUERIES_ALONE
-    questionnaire: dict[str, Annotated[tuple[Item, ...], Field(min_length=1, strict=False)]] = Field({})
+    questionnaire: Questionnaires = Field({})
     endings: dict[str, EndingSection] = Field({})
     answering: AnsweringSection = AnsweringSection()
     recruitment: RecruitmentSection = RecruitmentSection()
@@ -291,9 +287,7 @@ class StudyFile(Section):
 
     @field_validator("questionnaire")
     @classmethod
-    def _items_have_names_of_their_own(
-        cls, questionnaires: dict[str, tuple[Item, ...]]
-    ) -> dict[str, tuple[Item, ...]]:
+    def _items_have_names_of_their_own(cls, questionnaires: Questionnaires) -> Questionnaires:
         for name, items in questionnaires.items():
             names = [item.name for item in items]
             if len(set(names)) != len(names):
@@ -312,7 +306,7 @@ class StudyFile(Section):
 
     @model_validator(mode="after")
     def _questionnaires_are_there(self) -> StudyFile:
-        for name in filter(None, map(questionnaire_of, self.path)):
+        for name in needed_questionnaires(self.path):
             if name not in self.questionnaire:
                 raise ValueError(
                     f"no questionnaire is called '{name}'; add [[questionnaire.{name}]] or the file {name}.toml in "
@@ -329,7 +323,7 @@ class StudyFile(Section):
 
     @model_validator(mode="after")
     def _texts_are_there(self) -> StudyFile:
-        for name in needed_texts(self):
+        for name in needed_texts(self.path, self.endings):
             if name not in self.text:
                 raise ValueError(
                     f"no text is called '{name}'; add [text.{name}] or files such as "
@@ -367,13 +361,6 @@ class StudyFile(Section):
         return self
 
 
-def needed_texts(file: StudyFile) -> tuple[str, ...]:
-    """Returns the names of all texts that the study shows, each once."""
-    of_steps = [name for name in map(text_of, file.path) if name is not None]
-    of_endings = [ending.text for ending in file.endings.values() if ending.text is not None]
-    return tuple(dict.fromkeys([*REQUIRED_TEXTS, *of_steps, *of_endings]))
-
-
 def _all_words(file: StudyFile) -> Iterator[tuple[str, Words]]:
     """Gives everything that a participant may read, and where in the file it stands."""
     yield "title", file.title
@@ -402,7 +389,7 @@ def _explain_one(problem: Any) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     if not problem["loc"]:
         # About several sections together; the message names their keys.
-        return f"{message[0].lower()}{message[1:]}."
+        return _sentence(message)
     # What stands in angle brackets chose between kinds of a value; it isn't a part of the file.
     *section, key = problem["loc"]
     section = [part for part in section if part != "[key]"]
@@ -417,7 +404,12 @@ def _explain_one(problem: Any) -> str:
     line = f"key '{where}': {message[0].lower()}{message[1:]}"
     # What is wrong with several keys together is said in full; the whole section would only hide it.
     is_whole = isinstance(problem["input"], (dict, list, tuple, BaseModel))
-    return f"{line}." if is_whole else f"{line}, got {problem['input']!r}."
+    return _sentence(line) if is_whole else f"{line}, got {problem['input']!r}."
+
+
+def _sentence(text: str) -> str:
+    """Returns a text that begins small, since something stands before it, and ends as a sentence does."""
+    return f"{text[0].lower()}{text[1:]}{'' if text.endswith('?') else '.'}"
 
 
 def _is_tag(part: object) -> bool:

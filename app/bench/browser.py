@@ -1,6 +1,7 @@
 """One participant's browser, as far as the server can tell: page, stage, screens, answers.
 
-It does what `static/js/participant.js` and viser's own client do, in the same order, and keeps the time.
+It does what `static/js/trial.js` and viser's own client do, in the same order, and keeps the time; it only never
+says that a clip has loaded.
 """
 
 from __future__ import annotations

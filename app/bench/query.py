@@ -15,7 +15,7 @@ from app.bench.report import BenchError, provenance, spread
 from app.continuation import clip_digests, continue_session
 from app.services.continuation import Request
 from app.settings import find_study
-from study_core.comparison import Choice, ComparisonSet
+from study_core.comparison import ComparisonSet
 from study_core.lbfgs import maximise
 from study_core.participants import draw_person
 from study_core.posterior.diagnostics import diagnose
@@ -118,7 +118,7 @@ def _timed_parts(study: Study, request: Request) -> tuple[dict[str, float], Post
     names = (study, request.participant, request.query_index)
     posterior_ms, posterior = _timed(lambda: infer_posterior(*names, request.comparisons))
     pair_ms, proposed = _timed(lambda: propose_active_query(*names, posterior))
-    first_shown = continuation.prepared.first_shown or Choice.A
+    first_shown = continuation.prepared.side_shown_first
     clips_ms, clips = _timed(lambda: clip_digests(study.domain, proposed.query, first_shown))
     assert clips == continuation.prepared.clips, "the parts make up the whole"
     times = {

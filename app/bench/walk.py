@@ -11,7 +11,6 @@ import app.process  # noqa: F401  - before numpy, in a process of its own as wel
 from app import wiring
 from app.services import study as services
 from app.settings import find_study
-from study_core.comparison import Choice
 from study_core.participants import draw_person
 from study_core.streams import stream
 
@@ -65,6 +64,6 @@ def walk_session(database: str, study_name: str, seed: int, number: int, n_answe
         token, record = services.join(runtime, study, rehearsal=f"bench-{seed}-{number}")
         for _ in range(n_answers):
             prepared = runtime.live(record.id).state.prepared[-1]
-            choice = person.choose(rng, prepared.proposed.query, prepared.first_shown or Choice.A)
+            choice = person.choose(rng, prepared.proposed.query, prepared.side_shown_first)
             services.answer(runtime, record.id, prepared.query_index, choice.value, _RESPONSE_TIME_MS)
     return token

@@ -52,6 +52,10 @@ class Request:
         digest.update(f"{self.knowledge.digest}|{self.learned is not None}".encode())
         digest.update(self.comparisons.feature_diffs.tobytes())
         digest.update(self.comparisons.signs.tobytes())
+        if self.given_query is not None:
+            # One that is asked again depends on answers that nothing else here tells.
+            digest.update(self.given_query.query.controls_a.tobytes())
+            digest.update(self.given_query.query.controls_b.tobytes())
         return f"continuation-{digest.hexdigest()}"
 
 

@@ -1,4 +1,4 @@
-"""Everything that was recorded, as tidy tables: one row a person, query, answer, posterior, event."""
+"""Everything that was recorded, as tidy tables: one row a person, step, response, query, answer, posterior, event."""
 
 from __future__ import annotations
 
@@ -11,8 +11,29 @@ from typing import Literal
 
 from app.errors import AppError
 from app.services.table import Format, Row, Table
-from app.store import EventRecord, PosteriorRecord, SessionRecord, Source, Store
+from app.store import (
+    EventRecord,
+    ExternalPerson,
+    MeasureRecord,
+    PosteriorRecord,
+    SessionRecord,
+    Source,
+    Store,
+)
+from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.path import questionnaire_of
+from study_core.plan import position_of
 from study_core.queries import Imported, Provenance
+from study_core.session import (
+    AnswerGiven,
+    AnswerTakenBack,
+    Event,
+    QueryPrepared,
+    SessionState,
+    StepTaken,
+    reduce,
+)
 from study_core.study import Study, parse_study
 
 People = Literal["real", "rehearsed", "imported", "all"]
@@ -24,6 +45,16 @@ _NO_PROVENANCE: Row = {
     "has_converged": [None, None],
 }
 
+
+# The first logs ever kept say nothing of them.
+_NO_PLACE: Row = {"first_shown": None, "repeat_of": None, "instructed": None}
+
+_MEASURES = (
+    *("replays", "pauses", "speed_changes", "scrubs", "hidden", "out_of_focus_ms"),
+    *("means", "confidence_time_ms", "first_frame", "frame_ms", "stage_frame_ms"),
+    *("layout", "viewport", "device_pixel_ratio"),
+)
+"""What browsers measure; whatever else one may have sent is in `other`."""
 
 _SOURCES = {"real": Source.JOINED, "rehearsed": Source.REHEARSED, "imported": Source.IMPORTED}
 
@@ -92,19 +123,53 @@ def _write_study(folder: Path, study: Study) -> None:
 def _rows(store: Store, record: SessionRecord, study: Study) -> Iterator[tuple[str, Row]]:
     """Gives every row of one person, with the name of its table."""
     events = store.events(record.id)
-    yield "people", _person_row(record, study, events)
-    for event in events:
-        yield "events", _event_row(record, event)
-        if event.kind == "query_prepared":
-            yield "queries", _query_row(record, study, event)
-        elif event.kind == "answer_given":
-            yield "answers", {"person_id": record.id, **event.payload, "answered_at": event.at.isoformat()}
+    log = tuple(session_codec.from_json(event.kind, event.payload) for event in events)
+    yield "people", _person_row(record, study, reduce(study, log), store.external_person(record.id))
+    withdrawn = _withdrawn(log)
+    sides: dict[int, Choice | None] = {}
+    for row, event in zip(events, log, strict=True):
+        stands = {"is_taken_back": row.position in withdrawn}
+        yield "events", _event_row(record, row)
+        if isinstance(event, StepTaken):
+            yield "steps", _step_row(record, study, row, event)
+            yield from (("responses", each) for each in _response_rows(record, study, row, event))
+        elif isinstance(event, QueryPrepared):
+            sides[event.query_index] = event.first_shown
+            yield "queries", _query_row(record, study, row) | stands
+        elif isinstance(event, AnswerGiven):
+            yield "answers", _answer_row(record, row, event, sides[event.query_index]) | stands
+    for measured in store.measures(record.id):
+        yield "measures", _measure_row(record, measured)
     for posterior in store.posteriors(record.id):
         yield "posteriors", _posterior_row(record, study, posterior)
 
 
-def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, ...]) -> Row:
-    n_answers = sum(event.kind == "answer_given" for event in events)
+def _withdrawn(log: tuple[Event, ...]) -> set[int]:
+    """Returns the positions of answers that were taken back, and of the queries that had been prepared after them."""
+    withdrawn: set[int] = set()
+    for end, event in enumerate(log):
+        if isinstance(event, AnswerTakenBack):
+            before = reversed(range(end))
+            answer = next(i for i in before if isinstance(log[i], AnswerGiven) and i not in withdrawn)
+            queries = (i for i in range(answer, end) if isinstance(log[i], QueryPrepared))
+            withdrawn |= {answer, *queries}
+    return withdrawn
+
+
+def _person_row(
+    record: SessionRecord, study: Study, state: SessionState, person: ExternalPerson | None
+) -> Row:
+    asked = list(zip(state.prepared, state.answers, strict=False))
+    repeats = [
+        given.choice is state.answers[query.repeat_of].choice
+        for query, given in asked
+        if query.repeat_of is not None
+    ]
+    checks = [
+        position_of(query.first_shown, given.choice) is query.instructed
+        for query, given in asked
+        if query.instructed is not None
+    ]
     return {
         "person_id": record.id,
         "study": study.name,
@@ -112,9 +177,76 @@ def _person_row(record: SessionRecord, study: Study, events: tuple[EventRecord, 
         "ordinal": record.ordinal,
         "source": record.source.value,
         "created_at": record.created_at.isoformat(),
-        "n_answers": n_answers,
-        "is_finished": n_answers == study.n_queries,
+        "language": state.language or study.languages[0],
+        "n_answers": len(state.answers),
+        "is_finished": len(state.answers) == study.n_queries,
+        "ending": state.ending,
+        "n_repeats": len(repeats),
+        "n_repeats_agreed": sum(repeats),
+        "n_checks": len(checks),
+        "n_checks_passed": sum(checks),
+        "external_id": None if person is None else person.external_id,
+        "other_ids": {} if person is None else person.other_ids,
     }
+
+
+def _step_row(record: SessionRecord, study: Study, row: EventRecord, event: StepTaken) -> Row:
+    read = event.content.get("read", {})
+    return {
+        "person_id": record.id,
+        "position": row.position,
+        "step": event.step,
+        "kind": study.file.path[event.step].step,
+        "outcome": event.outcome,
+        "language": read.get("language"),
+        "text_sha256": read.get("text_sha256"),
+        "at": row.at.isoformat(),
+    }
+
+
+def _response_rows(record: SessionRecord, study: Study, row: EventRecord, event: StepTaken) -> Iterator[Row]:
+    questionnaire = questionnaire_of(study.file.path[event.step])
+    for item, value in event.content.get("answers", {}).items():
+        yield {
+            "person_id": record.id,
+            "position": row.position,
+            "step": event.step,
+            "questionnaire": questionnaire,
+            "item": item,
+            "value": value,
+        }
+
+
+def _answer_row(
+    record: SessionRecord, row: EventRecord, event: AnswerGiven, first_shown: Choice | None
+) -> Row:
+    return {
+        "person_id": record.id,
+        "query_index": event.query_index,
+        "choice": event.choice,
+        "position_chosen": position_of(first_shown, event.choice),
+        "response_time_ms": event.response_time_ms,
+        "confidence": event.confidence,
+        "answered_at": row.at.isoformat(),
+    }
+
+
+def _measure_row(record: SessionRecord, measured: MeasureRecord) -> Row:
+    # Nobody vouches for what a browser sends; a value of another form must not change the table's.
+    known = {key: value for key, value in measured.measures.items() if _is_measure(key, value)}
+    other = {key: value for key, value in measured.measures.items() if key not in known}
+    return {
+        "person_id": record.id,
+        "query_index": measured.query_index,
+        "received_at": measured.at.isoformat(),
+        **dict.fromkeys(_MEASURES),
+        **known,
+        "other": other,
+    }
+
+
+def _is_measure(key: str, value: object) -> bool:
+    return key in _MEASURES and (key == "viewport" or not isinstance(value, (dict, list)))
 
 
 def _event_row(record: SessionRecord, event: EventRecord) -> Row:
@@ -128,7 +260,7 @@ def _event_row(record: SessionRecord, event: EventRecord) -> Row:
 
 
 def _query_row(record: SessionRecord, study: Study, event: EventRecord) -> Row:
-    content = event.payload
+    content = {**_NO_PLACE, **event.payload}
     query, provenance = content["query"], {**_NO_PROVENANCE, **content["provenance"]}
     names = study.domain.feature_names
     named = {key: dict(zip(names, query[key], strict=True)) for key in ("features_a", "features_b")}

@@ -35,26 +35,24 @@ def feature_before(
     due = feature_due(live.study, state, query_index)
     if due is None:
         return None
-    if not _is_under_way(live, due.n_queries):
-        assert state.participant is not None, "a session with answers has begun"
-        request = FeatureRequest(
-            live.study.text,
-            state.participant,
-            due.query_index,
-            due.n_queries,
-            compared(state, due.n_queries),
+    assert state.participant is not None, "a session with answers has begun"
+    request = FeatureRequest(
+        live.study.text,
+        state.participant,
+        due.query_index,
+        due.n_queries,
+        compared(state, due.n_queries),
+    )
+    if live.learning is None or not _is_under_way(live.learning, request):
+        computation = runtime.engine.submit(
+            request.key, runtime.learn_fn, request, _URGENCY, resource="training"
         )
-        live.learning = (
-            due.n_queries,
-            runtime.engine.submit(request.key, runtime.learn_fn, request, _URGENCY, resource="training"),
-        )
-    assert live.learning is not None, "it has just been begun, or was before"
+        live.learning = (request, computation)
     return live.learning[1]
 
 
-def _is_under_way(live: LiveSession, n_queries: int) -> bool:
-    """Returns whether a feature is being learned or has been; one that could not be is learned again."""
-    if live.learning is None or live.learning[0] != n_queries:
-        return False
-    computation = live.learning[1]
-    return not computation.done() or has_succeeded(computation)
+def _is_under_way(learning: tuple[FeatureRequest, Computation], request: FeatureRequest) -> bool:
+    """Returns whether a feature is learned, or being learned, from the same answers; a failed one is learned again."""
+    learned_from, computation = learning
+    is_same = learned_from.key == request.key
+    return is_same and (not computation.done() or has_succeeded(computation))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +11,6 @@ from app.services import preparation
 from app.services.runtime import LiveSession, Runtime
 from app.services.study import Screen, screen_of
 from app.store import PositionTakenError
-from study_core.errors import SessionError
 from study_core.path import (
     ConsentStep,
     Ending,
@@ -66,50 +65,52 @@ def take_step(runtime: Runtime, session_id: str, step: int, form: Form, n_tries:
         form: What the person filled in.
         n_tries: How often its check had been tried before, as the page knew it; a page that is sent twice is one try.
     """
-    live = runtime.live(session_id)
-    with live.lock:
+    problems: dict[str, Problem] = {}
+
+    def taken(live: LiveSession) -> StepTaken | None:
         is_at_a_step = next_action(live.study, live.state) is Action.STEP
         if not is_at_a_step or (live.state.step, live.state.n_tries) != (step, n_tries):
-            return StepReceipt(screen_of(live))
+            return None
         current = live.study.file.path[step]
         checked = _check(live.study, current, form)
-        if checked.problems:
-            return StepReceipt(screen_of(live), checked.problems)
+        problems.update(checked.problems)
+        if problems:
+            return None
         outcome = _outcome(live, current, form, checked.values)
-        content = {"read": _read(live, current), **({"answers": checked.values} if checked.values else {})}
-        _append(runtime, live, StepTaken(step, outcome, content))
-        preparation.prepare(runtime, live)
-        receipt = StepReceipt(screen_of(live))
-    runtime.on_change(session_id)
-    return receipt
+        answers = {"answers": checked.values} if checked.values else {}
+        return StepTaken(step, outcome, {"read": _read(live, current), **answers})
+
+    return StepReceipt(_cause(runtime, session_id, taken), problems)
 
 
 def end_break(runtime: Runtime, session_id: str, query_index: int) -> Screen:
     """Goes on after the break before a query; doing it twice changes nothing."""
-    return _cause(runtime, session_id, BreakTaken(query_index))
+
+    def ended(live: LiveSession) -> BreakTaken | None:
+        is_break = next_action(live.study, live.state) is Action.BREAK
+        return BreakTaken(query_index) if is_break and live.state.query_index == query_index else None
+
+    return _cause(runtime, session_id, ended)
 
 
 def take_back(runtime: Runtime, session_id: str, query_index: int) -> Screen:
     """Takes the last answer back, if it is the one to that query; the log keeps it."""
-    live = runtime.live(session_id)
-    with live.lock:
-        if can_take_back(live.study, live.state) and query_index == live.state.query_index - 1:
-            for computation in live.ahead.values():
-                computation.cancel()
-            live.ahead = {}
-            _append(runtime, live, AnswerTakenBack(query_index))
-            preparation.look_ahead(runtime, live)
-        screen = screen_of(live)
-    runtime.on_change(session_id)
-    return screen
+
+    def taken_back(live: LiveSession) -> AnswerTakenBack | None:
+        is_last = query_index == live.state.query_index - 1
+        return AnswerTakenBack(query_index) if is_last and can_take_back(live.study, live.state) else None
+
+    return _cause(runtime, session_id, taken_back)
 
 
 def choose_language(runtime: Runtime, session_id: str, language: str) -> Screen:
     """Goes on in another of the study's languages; any other changes nothing."""
-    live = runtime.live(session_id)
-    if language == language_of(live):
-        return screen_of(live)
-    return _cause(runtime, session_id, LanguageChosen(language))
+
+    def chosen(live: LiveSession) -> LanguageChosen | None:
+        is_new = language in live.study.languages and language != language_of(live)
+        return LanguageChosen(language) if is_new and live.state.ending is None else None
+
+    return _cause(runtime, session_id, chosen)
 
 
 def language_of(live: LiveSession) -> str:
@@ -125,27 +126,40 @@ def end(runtime: Runtime, session_id: str, ending: Ending) -> Screen:
         session_id: Which.
         ending: `stopped` or `timed-out`.
     """
-    return _cause(runtime, session_id, SessionEnded(ending))
+
+    def ended(live: LiveSession) -> SessionEnded | None:
+        return SessionEnded(ending) if live.state.ending is None else None
+
+    return _cause(runtime, session_id, ended)
 
 
-def _cause(runtime: Runtime, session_id: str, event: Event) -> Screen:
-    """Appends an event where it is possible; where it isn't, it comes late or twice."""
+def _cause(runtime: Runtime, session_id: str, due: Callable[[LiveSession], Event | None]) -> Screen:
+    """Appends the event that is due in a session's state, if one is; one that comes late or twice isn't.
+
+    Args:
+        runtime: The services' resources.
+        session_id: Which session.
+        due: Returns the event, or None; asked again where the state turns out to be another.
+    """
     live = runtime.live(session_id)
     with live.lock:
-        with suppress(SessionError):
-            _append(runtime, live, event)
+        while (event := due(live)) is not None:
+            # Another process may be first, or somebody before be deleted: then the state has been read again.
+            with suppress(PositionTakenError):
+                runtime.append(live, [event])
+                if isinstance(event, AnswerTakenBack | SessionEnded):
+                    preparation.give_up(live)
+                break
+        if live.state.participant is not None:
+            preparation.go_on(runtime, live)
         screen = screen_of(live)
     runtime.on_change(session_id)
     return screen
 
 
-def _append(runtime: Runtime, live: LiveSession, event: Event) -> None:
-    # Another process was first: the live state has been read again, and says what to show.
-    with suppress(PositionTakenError):
-        runtime.append(live, [event])
-
-
 def _check(study: Study, step: Step, form: Form) -> Checked:
+    if isinstance(step, ConsentStep) and form.get(ACCEPT) not in (["yes"], ["no"]):
+        return Checked(problems={ACCEPT: Problem.MISSING})
     name = questionnaire_of(step)
     return Checked() if name is None else check(study.file.questionnaire[name], form)
 

@@ -41,18 +41,33 @@ _AHEAD = 0.0
 _LEVELS = (0.05, 0.5, 0.95)
 
 
+def go_on(runtime: Runtime, live: LiveSession) -> None:
+    """Sets going whatever a session needs next; the caller holds its lock."""
+    prepare(runtime, live)
+    if live.state.current is not None and not live.ahead:
+        look_ahead(runtime, live)
+
+
+def give_up(live: LiveSession, but: Computation | None = None) -> None:
+    """Gives up what is being computed for a session but for one computation; the caller holds its lock."""
+    for computation in live.ahead.values():
+        if computation is not but:
+            computation.cancel()
+    live.ahead = {}
+
+
 def look_ahead(runtime: Runtime, live: LiveSession) -> None:
     """Starts computing what follows the current query, for each answer that makes a difference."""
     current = live.state.current
     live.ahead = {}
     following = live.state.query_index + 1
-    if current is None or following >= live.study.n_queries:
-        return
-    plan = session_plan(live.study, live.state)
-    if not plan.needs_posterior(following):
-        live.ahead[None] = _submit(runtime, _request(live, live.state, following), _AHEAD)
+    is_over = live.state.ending is not None
+    if current is None or is_over or following >= live.study.n_queries:
         return
     learning.begin_early(runtime, live)
+    if not session_plan(live.study, live.state).needs_posterior(following):
+        live.ahead[None] = _submit(runtime, _request(live, live.state, following), _AHEAD)
+        return
     feature = learning.feature_before(runtime, live, live.state, following)
     if feature is not None and not has_succeeded(feature):
         # One that has failed is learned again for whoever waits for it.
@@ -85,10 +100,7 @@ def continuation_after(
         after: The session's state once the answer is taken.
     """
     chosen = live.ahead.get(choice) or live.ahead.get(None)
-    for other in live.ahead.values():
-        if other is not chosen:
-            other.cancel()
-    live.ahead = {}
+    give_up(live, but=chosen)
     if chosen is not None and chosen.done():
         return chosen
     # Submitted again, what was begun ahead goes before everything that nobody waits for yet.
@@ -121,23 +133,20 @@ def deliver_when_done(runtime: Runtime, live: LiveSession, computation: Computat
 
 
 def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> None:
-    try:
-        continuation: Continuation = computation.result()
-    except Exception:
-        # The log is whole: the next request for this session's screen starts the computation again.
-        log.exception("session %s: the next query could not be computed", live.record.id)
-        with live.lock:
-            live.ahead = {}
-        return
     with live.lock:
         # An answer that was taken back has called for another query meanwhile.
         if live.ahead.get(None) is not computation:
             return
         # What is delivered now must not be taken for what follows it by an answer that comes at once.
         live.ahead = {}
-        if not needs_query(live.study, live.state):
+        try:
+            continuation: Continuation = computation.result()
+        except Exception:
+            # The log is whole: the next request for this session's screen starts the computation again.
+            log.exception("session %s: the next query could not be computed", live.record.id)
             return
-        if continuation.prepared.query_index != live.state.query_index:
+        is_next = continuation.prepared.query_index == live.state.query_index
+        if not is_next or not needs_query(live.study, live.state):
             return
         try:
             runtime.append(live, *entry(continuation))
@@ -229,24 +238,17 @@ def _request(
     query_index: int,
     learned: FeatureLearned | None = None,
 ) -> Request:
-    needs_posterior = session_plan(live.study, state).needs_posterior(query_index)
-    # What isn't used is left out, so that the same computation has the same name.
-    nothing = ComparisonSet.empty(len(live.study.domain.feature_names))
+    assert state.participant is not None, "a session that has not begun needs no query"
+    text, participant, given = live.study.text, state.participant, _given_query(live, state, query_index)
+    if not session_plan(live.study, state).needs_posterior(query_index):
+        # What isn't used is left out, so that the same computation has the same name.
+        nothing = ComparisonSet.empty(len(live.study.domain.feature_names))
+        return Request(text, participant, query_index, nothing, False, given)
     knowledge = state.knowledge
     if learned is not None and learned.feature is not None:
         knowledge = replace(knowledge, feature=learned.feature)
-    assert state.participant is not None, "a session that has not begun needs no query"
-    return Request(
-        live.study.text,
-        state.participant,
-        query_index,
-        state.comparisons if needs_posterior else nothing,
-        needs_posterior,
-        _given_query(live, state, query_index),
-        knowledge,
-        learned,
-        compared(state, query_index) if needs_posterior and knowledge.feature is not None else None,
-    )
+    judged = None if knowledge.feature is None else compared(state, query_index)
+    return Request(text, participant, query_index, state.comparisons, True, given, knowledge, learned, judged)
 
 
 def _given_query(live: LiveSession, state: SessionState, query_index: int) -> ProposedQuery | None:

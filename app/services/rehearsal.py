@@ -121,10 +121,8 @@ def rehearse(
     def answer(prepared: QueryPrepared) -> AnswerGiven:
         # The person as they are now, one step further on from the query before.
         asked.append(asked[-1].drifted(drift_rng) if asked else person)
-        first_shown = prepared.first_shown or Choice.A
-        choice = asked[-1].choose(answers_rng, prepared.proposed.query, first_shown)
-        if prepared.instructed is not None:
-            choice = choice_at(first_shown, prepared.instructed)
+        choice = asked[-1].choose(answers_rng, prepared.proposed.query, prepared.side_shown_first)
+        choice = _instructed(prepared) or choice
         response_time_ms = int(_TYPICAL_RESPONSE_MS * answers_rng.lognormal(0.0, 0.4))
         confidence = MOST_CONFIDENT if study.file.answering.confidence else None
         return AnswerGiven(prepared.query_index, choice, response_time_ms, confidence)
@@ -140,6 +138,20 @@ def rehearse(
         "alignment": alignment(means[-1][: len(truth)], truth),
     }
     return Rehearsal(summary, _rows(live, asked, means))
+
+
+def _instructed(prepared: QueryPrepared) -> Choice | None:
+    """Returns what a check tells people to choose, which simulated people do; None for any other query."""
+    told = prepared.instructed
+    return None if told is None else choice_at(prepared.side_shown_first, told)
+
+
+def _likely(person: SimulatedPerson, prepared: QueryPrepared) -> dict[Choice, float]:
+    """Returns how likely somebody was to give each answer."""
+    told = _instructed(prepared)
+    if told is None:
+        return person.probabilities(prepared.proposed.query, prepared.side_shown_first)
+    return {choice: float(choice is told) for choice in person.answers}
 
 
 def _means_after(runtime: Runtime, live: LiveSession) -> list[Float[np.ndarray, " n_weights"]]:
@@ -171,7 +183,7 @@ def _rows(
     ):
         query, provenance = prepared.proposed.query, prepared.proposed.provenance
         assert isinstance(provenance, Provenance), "simulated people are asked what we chose"
-        likely = person.probabilities(query, prepared.first_shown or Choice.A)
+        likely = _likely(person, prepared)
         rows.append(
             {
                 "study": live.study.name,
@@ -179,6 +191,8 @@ def _rows(
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
                 "first_shown": prepared.first_shown,
+                "repeat_of": prepared.repeat_of,
+                "instructed": prepared.instructed,
                 "method": provenance.method,
                 "visible_difference": provenance.visible_difference,
                 "are_distinct": provenance.are_distinct,

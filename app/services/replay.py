@@ -41,24 +41,26 @@ class Script:
     Attributes:
         source: What to call it in messages.
         study: The study.
-        participant: Names the session's random streams.
-        answers: In order.
-        stored: The queries as they were asked, or none for a script written by hand.
+        participant: Names the session's random streams; None for somebody who never began.
+        answers: In order; what was taken back isn't among them, and nothing that stays depends on it.
+        stored: The queries as they were asked; None for a script written by hand.
         adopted: What the session started from of the people before, if from anything.
         learned: The features that were learned on the way, as they were stored.
     """
 
     source: str
     study: Study
-    participant: Participant
+    participant: Participant | None
     answers: tuple[AnswerGiven, ...]
-    stored: tuple[QueryPrepared, ...] = ()
+    stored: tuple[QueryPrepared, ...] | None = None
     adopted: PopulationAdopted | None = None
     learned: tuple[FeatureLearned, ...] = ()
 
     @property
     def hindrance(self) -> str:
         """Returns why the queries can't be derived again; empty if they can."""
+        if self.participant is None or self.stored == ():
+            return f"{self.source}: there is nothing to derive again: this person was asked nothing."
         if self.adopted is None or self.adopted.population is not None:
             return ""
         return (
@@ -88,8 +90,7 @@ def replay(runtime: Runtime, script: Script) -> Json:
     """
     if script.hindrance:
         raise ScriptError(f"{script.hindrance} Leave this person out.")
-    is_partial = bool(script.stored) and len(script.answers) < script.study.n_queries
-    if not is_partial:
+    if script.stored is None:
         _require_count(script)
     # What people before taught is in the log; what the store knows of them by now is another thing.
     _, record = services.join(runtime, script.study, script.participant, lambda *_: script.adopted)
@@ -113,7 +114,7 @@ def replay(runtime: Runtime, script: Script) -> Json:
 
 
 def _compare(script: Script, derived: QueryPrepared) -> None:
-    if derived.query_index >= len(script.stored):
+    if script.stored is None or derived.query_index >= len(script.stored):
         return
     difference = first_difference(script.stored[derived.query_index], derived)
     if difference is not None:
@@ -231,10 +232,7 @@ def _refuse_imported(folder: Path, people: Path) -> None:
 
 def _exported_script(folder: Path, person_id: str, study: Study, rows: list[Json]) -> Script:
     events = [session_codec.from_json(row["kind"], row["payload"]) for row in rows]
-    # What was taken back isn't in the state, and nothing that stays depends on it.
     state = reduce(study, events)
-    if state.participant is None:
-        raise ScriptError(f"{folder}: the log of person {person_id} does not begin. Export again.")
     adopted = next((event for event in events if isinstance(event, PopulationAdopted)), None)
     learned = {event.query_index: event for event in events if isinstance(event, FeatureLearned)}
     return Script(

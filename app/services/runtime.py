@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from app.services.computations import hand_over
-from app.services.continuation import Computation, ContinueFn, Engine, LearnFn, TestSetFn
+from app.services.continuation import Computation, ContinueFn, Engine, FeatureRequest, LearnFn, TestSetFn
 from app.services.population import PopulationTrainer
 from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
@@ -45,14 +45,14 @@ class LiveSession:
         state: Its log, reduced.
         ahead: The continuation after each possible answer to the current query; under None, one that doesn't depend
             on an answer.
-        learning: The feature that is being learned, and from the answers to how many first queries.
+        learning: The feature that is being learned, and from what.
     """
 
     record: SessionRecord
     opened: OpenStudy
     state: SessionState
     ahead: dict[Choice | None, Computation] = field(default_factory=dict)
-    learning: tuple[int, Computation] | None = None
+    learning: tuple[FeatureRequest, Computation] | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @property

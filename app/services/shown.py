@@ -11,7 +11,7 @@ from study_core.domain import Domain
 from study_core.path import InstructionsStep
 from study_core.queries import propose_common_query
 from study_core.session import Action, current_step, next_action
-from study_core.study import Study
+from study_core.study import parse_study
 
 # No query follows it whose number has the same mark.
 _EXAMPLE = -1
@@ -41,16 +41,17 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
     live = runtime.live(session_id)
     with live.lock:
         study, state = live.study, live.state
-    if isinstance(current_step(study, state), InstructionsStep):
-        return Shown("example", _EXAMPLE, study.domain, _example(study), Choice.A)
-    current = state.current
+    step, current = current_step(study, state), state.current
+    if isinstance(step, InstructionsStep) and step.example:
+        return Shown("example", _EXAMPLE, study.domain, _example(study.text), Choice.A)
     # A query may be prepared during a break, but it is seen from its beginning when the break is over.
     if current is None or next_action(study, state) is not Action.ASK:
         return None
-    query, first = current.proposed.query, current.first_shown or Choice.A
-    return Shown(f"query-{current.query_index}", current.query_index, study.domain, query, first)
+    # After an answer that was taken back, another query may have the same index.
+    key = "-".join([f"query-{current.query_index}", *current.clips.values()])
+    return Shown(key, current.query_index, study.domain, current.proposed.query, current.side_shown_first)
 
 
 @lru_cache(maxsize=8)
-def _example(study: Study) -> Query:
-    return propose_common_query(study, "example", 0).query
+def _example(text: str) -> Query:
+    return propose_common_query(parse_study(text), "example", 0).query

@@ -18,7 +18,7 @@ from app.services.tokens import hash_token, new_token
 from app.store import NewReport, PopulationWithdrawnError, PositionTakenError, SessionRecord, Source
 from study_core.comparison import Choice
 from study_core.path import PracticeStep
-from study_core.plan import Position, choice_at, plan_of
+from study_core.plan import Position, choice_at
 from study_core.queries import Participant
 from study_core.session import (
     MOST_CONFIDENT,
@@ -165,9 +165,7 @@ def screen(runtime: Runtime, session_id: str) -> Screen:
     """Returns what the participant should see, and sets going whatever that needs after a restart."""
     live = runtime.live(session_id)
     with live.lock:
-        preparation.prepare(runtime, live)
-        if live.state.current is not None and not live.ahead:
-            preparation.look_ahead(runtime, live)
+        preparation.go_on(runtime, live)
         return screen_of(live)
 
 
@@ -227,18 +225,17 @@ def choice_behind(runtime: Runtime, session_id: str, query_index: int, shown: st
         shown: `first`, `second`, or an answer that names no position.
 
     Raises:
-        InvalidAnswerError: No answer is called so.
+        InvalidAnswerError: It names a trajectory, which no page knows.
     """
-    live = runtime.live(session_id)
+    if shown in (Choice.A, Choice.B):
+        raise InvalidAnswerError(f"Expected a position, first or second, got {shown!r}.")
     if shown not in set(Position):
-        if shown in (Choice.A, Choice.B):
-            raise InvalidAnswerError(f"Expected a position, first or second, got {shown!r}.")
         return shown
-    participant = live.state.participant
-    if participant is None or not 0 <= query_index < live.study.n_queries:
-        raise InvalidAnswerError(f"Expected the index of a query that has been shown, got {query_index}.")
-    slot = plan_of(live.study, participant).slots[query_index]
-    return choice_at(slot.first_shown, Position(shown)).value
+    prepared = runtime.live(session_id).state.prepared
+    if not 0 <= query_index < len(prepared):
+        # Whatever it chose, an answer to a query that nobody has been shown is refused where answers are taken.
+        return Choice.A.value
+    return choice_at(prepared[query_index].side_shown_first, Position(shown)).value
 
 
 def _learn_from(runtime: Runtime, live: LiveSession) -> None:

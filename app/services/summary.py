@@ -17,17 +17,20 @@ Json = dict[str, Any]
 
 
 def summarise(runtime: Runtime, session_id: str) -> Json:
-    """Returns a session's queries, answers, last posterior and test accuracy: a function of study and answers alone."""
+    """Returns a session's queries, answers, last posterior and test accuracy: a function of study and answers alone.
+
+    Posterior and accuracy are None as long as nothing but practice has been asked.
+    """
     live = runtime.live(session_id)
     posteriors = runtime.store.posteriors(session_id)
-    mean = posteriors[-1].mean
+    last = posteriors[-1] if posteriors else None
     return {
         "study": live.study.name,
         "study_hash": live.study.hash,
         "participant": live.state.participant,
         "queries": _queries(live.state),
-        "posterior": {"mean": mean.tolist(), **posteriors[-1].summary},
-        "test_accuracy": test_accuracy(live.study, live.state, mean),
+        "posterior": None if last is None else {"mean": last.mean.tolist(), **last.summary},
+        "test_accuracy": None if last is None else test_accuracy(live.study, live.state, last.mean),
     }
 
 
@@ -38,6 +41,7 @@ def _queries(state: SessionState) -> list[Json]:
             {
                 "query_index": prepared.query_index,
                 "phase": prepared.phase.value,
+                "first_shown": prepared.first_shown,
                 **session_codec.proposed_to_json(prepared.proposed),
                 "clips": dict(sorted(prepared.clips.items())),
                 "choice": given.choice.value,

@@ -59,10 +59,14 @@ def new_table(path: Path) -> Iterator[Table]:
         yield Table(file, form)
 
 
+# What has no fixed entries.
+_ONE_CELL = {"payload", "other_ids", "stream", "versions", "clips", "value", "viewport", "other"}
+
+
 def _flatten(row: Row) -> Iterator[tuple[str, Any]]:
     """Gives lists and mappings as one column an entry; what has no fixed entries stays JSON in one cell."""
     for key, value in row.items():
-        if key in ("payload", "stream", "versions", "clips"):
+        if key in _ONE_CELL and isinstance(value, (dict, list)):
             yield key, json.dumps(value)
         elif isinstance(value, dict):
             yield from ((f"{key}_{name}", entry) for name, entry in value.items())

@@ -24,9 +24,6 @@ def participant_routes(parts: SiteParts) -> APIRouter:
     @router.get("/")
     def page(request: Request, token: str, session: ThisSession) -> Response:
         end_if_too_old(runtime, session.id)
-        following = following_token(runtime, token)
-        if following is not None:
-            return RedirectResponse(f"/s/{following}/", status_code=303)
         screen = services.screen(runtime, session.id)
         live = runtime.live(session.id)
         if screen.kind == "welcome":
@@ -34,13 +31,14 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         if screen.kind == "step":
             return step_page(request, runtime, session.id, screen.step)
         if screen.kind == "finished":
-            return ending_page(request, live)
+            following = following_token(runtime, token)
+            return ending_page(request, live) if following is None else _to(following)
         return trial_page(request, live, screen)
 
     @router.post("/")
     def begin(token: str, session: ThisSession) -> Response:
         services.begin(runtime, session.id)
-        return RedirectResponse(f"/s/{token}/", status_code=303)
+        return _to(token)
 
     @router.get("/screens")
     async def screens(session: ThisSession) -> Response:
@@ -50,3 +48,7 @@ def participant_routes(parts: SiteParts) -> APIRouter:
         return StreamingResponse(events, headers=headers, media_type="text/event-stream")
 
     return router
+
+
+def _to(token: str) -> Response:
+    return RedirectResponse(f"/s/{token}/", status_code=303)

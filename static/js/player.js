@@ -36,6 +36,9 @@ export class Player {
   open() {
     this.isOpen = true;
     this.watchedTo = 0;
+    // Until the server has said more.
+    this.clock = { ...this.clock, position_s: 0, at: performance.now() };
+    this.showPaused(this.stage.motion === "still");
     this.follow();
     this.sync();
   }
@@ -85,7 +88,7 @@ export class Player {
 
   watchOn(position) {
     const { end_s, speed } = this.clock;
-    if (this.watchedTo >= end_s) return;
+    if (this.watchedTo >= end_s || end_s === Infinity) return;
     if (position > this.watchedTo && position - this.watchedTo < STEP_S) this.watchedTo = position;
     if (this.watchedTo >= end_s) this.hears.watched();
     else this.hears.remaining((end_s - this.watchedTo) / speed);

@@ -14,6 +14,7 @@ const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches
 const UNREADABLE_MS = 15000; // a browser that lets nobody read its pixels has surely drawn by then
 const REVEAL_MS = 1100; // by then a new picture has appeared in any case; see app/stage/stage.py
 const FLAG_SHIFT = 0.03; // from the middle along the gutter, in heights of the picture; see app/stage/clip.py
+const REST_MS = 60; // a clip loads faster if pixels aren't read in every frame meanwhile
 const EXPECT_MS = 1500; // a change that hasn't come by then won't
 const FULL_HOUSE_MS = 6000;
 const TALL_BELOW = 1.05; // width over height of the window
@@ -24,7 +25,7 @@ const stillness = matchMedia("(prefers-reduced-motion: reduce)");
 export class Stage {
   /**
    * `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come,
-   * `hears.revealed(playing)` that a new clip is on the screen, and how it plays.
+   * `hears.revealed(playing)`, which may be absent, that a new clip comes on the screen, and how it plays.
    */
   constructor(frame, connection, hears) {
     this.frame = frame;
@@ -141,6 +142,11 @@ export class Stage {
     return pixels[3] === 255 ? { mark: numberOf(pixels, 0), flag: numberOf(pixels, 4) } : null;
   }
 
+  /** The number of the picture that the canvas shows, or null while it shows none. */
+  mark() {
+    return this.read()?.mark ?? null;
+  }
+
   /** Looks, frame by frame, for as long as a change is expected: reading pixels takes time, so not always. */
   watch() {
     this.watchUntil = performance.now() + EXPECT_MS;
@@ -149,13 +155,21 @@ export class Stage {
 
   async look() {
     this.isWatching = true;
-    let before = await nextFrame();
+    let [before, readAt] = [await nextFrame(), 0];
     while (performance.now() < this.watchUntil) {
       const now = await nextFrame();
-      this.take(this.read(), before);
+      if (now - readAt >= (this.isSteady ? REST_MS : 0)) {
+        this.take(this.read(), before);
+        readAt = now;
+      }
       before = now;
     }
     this.isWatching = false;
+  }
+
+  /** Whether a picture is on the screen and none waits behind it, so that the next frame can't show another. */
+  get isSteady() {
+    return this.seen.mark !== null && this.flag === 0;
   }
 
   take(found, at) {
@@ -169,7 +183,7 @@ export class Stage {
 
   async reveal(flag) {
     const response = await this.connection.request("stage", { action: "loaded", value: flag }).catch(() => null);
-    if (response?.ok) this.hears.revealed(await response.json());
+    if (response?.ok) this.hears.revealed?.(await response.json());
   }
 
   /** Gives when a query's picture was first seen; `isWanted` tells whether anybody still asks. */

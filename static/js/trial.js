@@ -264,6 +264,8 @@ function takeHands() {
   byId("undo").addEventListener("click", undo);
   byId("go-on").addEventListener("click", () => act("break", screen.query_index));
   document.addEventListener("keydown", (event) => event.key === "Escape" && thinkAgain());
+  // The back button may bring the page back as it was, deaf.
+  addEventListener("pageshow", (event) => event.persisted && connection.reload());
   byId("think-again")?.addEventListener("click", thinkAgain);
   takeKeys();
 }
@@ -271,7 +273,6 @@ function takeHands() {
 function start() {
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) return cover("cannot-draw", true);
-  if (PAGES.includes(screen.kind)) return;
   takeHands();
   stage.arrange();
   stage.load();

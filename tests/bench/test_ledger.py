@@ -20,9 +20,14 @@ def walked(tmp_path_factory):
     with open_store(database) as store:
         session = store.session_by_token(hash_token(token))
         events = [session_codec.from_json(each.kind, each.payload) for each in store.events(session.id)]
-    choices = [event.choice.value for event in events if isinstance(event, AnswerGiven)]
-    clips = [event.clips[Layout.WIDE.value] for event in events if isinstance(event, QueryPrepared)]
-    return database, token, choices, clips
+    queries = [event for event in events if isinstance(event, QueryPrepared)]
+    chosen = [event.choice for event in events if isinstance(event, AnswerGiven)]
+    # What the browser sent: where the chosen drive stood.
+    positions = [
+        "first" if choice is query.first_shown else "second"
+        for choice, query in zip(chosen, queries, strict=False)
+    ]
+    return database, token, positions, [query.clips[Layout.WIDE.value] for query in queries]
 
 
 def sent(token, query_index, choice):
@@ -57,7 +62,7 @@ def test_a_clip_that_came_to_somebody_else_is_missing(walked):
 
 def test_an_acknowledged_answer_that_is_not_stored_is_lost(walked):
     database, token, choices, _ = walked
-    other = "b" if choices[0] == "a" else "a"
+    other = "second" if choices[0] == "first" else "first"
     assert audit(database, Diary([sent(token, 0, other)])).n_lost == 1
     assert audit(database, Diary([sent(token, N_ANSWERS, "a")])).n_lost == 1
     assert audit(database, Diary([sent("unknown", 0, "a")])).n_lost == 1

@@ -78,7 +78,7 @@ class Person:
 
     def sees_the_end(self) -> None:
         """Waits for the last page."""
-        expect(self.page.locator("main.is-last")).to_be_visible(timeout=WAIT_MS)
+        expect(self.page.get_by_role("heading", name="All done")).to_be_visible(timeout=WAIT_MS)
 
     def clicks(self, position: str) -> None:
         """Answers with the mouse."""

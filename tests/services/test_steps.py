@@ -91,9 +91,11 @@ def test_declining_ends_the_session(runtime: Runtime, person: str) -> None:
     assert runtime.live(person).state.ending is Ending.DECLINED
 
 
-def test_nobody_agrees_by_sending_nothing(runtime: Runtime, person: str) -> None:
-    take(runtime, person, {})
-    assert runtime.live(person).state.ending is Ending.DECLINED
+@pytest.mark.parametrize("form", [{}, {"accept": [""]}, {"accept": ["yes", "no"]}, {"consent": ["yes"]}])
+def test_nobody_agrees_or_declines_by_saying_neither(runtime: Runtime, person: str, form: path.Form) -> None:
+    receipt = take(runtime, person, form)
+    assert receipt.problems == {path.ACCEPT: Problem.MISSING}
+    assert (runtime.live(person).state.step, runtime.live(person).state.ending) == (0, None)
 
 
 def test_an_answer_that_screens_out_ends_the_session(runtime: Runtime, person: str) -> None:

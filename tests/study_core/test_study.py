@@ -15,21 +15,26 @@ from tests.study_core.references import study_text
 
 STUDIES = Path(__file__).parents[2] / "static" / "studies"
 
+LIBRARY = STUDIES.parent
+
 SHIPPED = {
     "quickstart": (8, 4, ResponseModel("sigmoid", 200.0, 0.1), "sphere"),
     "online": (60, 40, ResponseModel("sigmoid", "inferred", "inferred"), "sphere"),
     "katz2021": (100, 75, ResponseModel("sigmoid", 50.0, 0.0), "ball"),
     "katz2021-code": (100, 75, ResponseModel("clipped-linear", 1.0, 0.0), "ball"),
+    "full-path": (6, 3, ResponseModel("sigmoid", 200.0, 0.1, 1.0), "sphere"),
 }
+# Practice queries, repeats and checks.
+N_MORE = dict.fromkeys(SHIPPED, 0) | {"full-path": 2 + 2 + 1}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_study_has_the_numbers_of_the_contract(name):
     active, test, response, support = SHIPPED[name]
-    study = read_study(STUDIES / f"{name}.toml")
+    study = read_study(STUDIES / f"{name}.toml", LIBRARY)
     assert study.name == name
     assert (study.protocol.active_queries, study.protocol.test_queries) == (active, test)
-    assert study.n_queries == active + test
+    assert study.n_queries == active + test + N_MORE[name]
     assert study.response == response
     assert study.prior == Prior(support, 4)
     assert study.domain.id == "driving-v1"
@@ -38,7 +43,7 @@ def test_a_shipped_study_has_the_numbers_of_the_contract(name):
 
 @pytest.mark.parametrize("name", ["katz2021", "katz2021-code"])
 def test_the_papers_studies_choose_and_search_as_the_paper_does(name):
-    study = read_study(STUDIES / f"{name}.toml")
+    study = read_study(STUDIES / f"{name}.toml", LIBRARY)
     assert (study.file.acquisition.method, study.file.acquisition.mu) == ("heuristic", 0.1)
     assert (study.file.trajectory.search, study.file.trajectory.starts) == ("starts", 10)
     assert study.sampler.n_samples == 100
@@ -68,9 +73,9 @@ def test_a_study_has_a_bank_if_its_method_or_its_search_needs_one(method, search
 
 
 def test_the_online_study_learns_a_feature_and_the_others_know_their_files_alone():
-    studies = {name: read_study(STUDIES / f"{name}.toml").file.learning for name in SHIPPED}
+    studies = {name: read_study(STUDIES / f"{name}.toml", LIBRARY).file.learning for name in SHIPPED}
     every = {name: learning.feature_every for name, learning in studies.items()}
-    assert every == {"online": 20} | dict.fromkeys(("quickstart", "katz2021", "katz2021-code"))
+    assert every == dict.fromkeys(SHIPPED) | {"online": 20}
     assert not any(learning.people_before for learning in studies.values())
 
 
@@ -110,7 +115,7 @@ def test_every_shipped_study_is_tested():
 
 
 def test_shipped_studies_have_seeds_and_names_of_their_own():
-    studies = [read_study(path) for path in STUDIES.glob("*.toml")]
+    studies = [read_study(path, LIBRARY) for path in STUDIES.glob("*.toml")]
     assert len({study.name for study in studies}) == len(studies)
     assert len({study.hash for study in studies}) == len(studies)
 

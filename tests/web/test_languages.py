@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from html.parser import HTMLParser
 from pathlib import Path
 
+import httpx
 import pytest
 from babel.messages import Catalog
 from babel.messages.frontend import CommandLineInterface
@@ -37,7 +38,7 @@ FILLED_IN = {
     r"\{% trans.*?endtrans %\}": "",
     r"\{% block \w*class %\}.*?\{% endblock %\}": "",
     r"\{%.*?%\}": "",
-    r"\{\{.*?\}\}": "x",
+    r"\{\{.*?\}\}": "x ",
 }
 REMEDY = "Run `make messages` and translate what is new in static/locale."
 
@@ -228,3 +229,16 @@ def test_a_page_says_its_language_and_direction() -> None:
     asking.state.language = "ar"
     page = templates.TemplateResponse(asking, "base.html").body.decode()
     assert '<html lang="ar" dir="rtl">' in page
+
+
+def test_an_error_speaks_the_browsers_language(client: httpx.Client) -> None:
+    headers = {"Accept": "text/html", "Accept-Language": "de-CH, de;q=0.9, en;q=0.8"}
+    page = client.get("/nothing/here", headers=headers).text
+    assert '<html lang="de" dir="ltr">' in page
+    assert translator("de").gettext("There is nothing here") in page
+    assert "There is nothing here" in client.get("/nothing/here", headers={"Accept": "text/html"}).text
+
+
+def test_a_study_is_only_shown_in_its_own_languages(client: httpx.Client) -> None:
+    page = client.get("/join/quickstart?lang=de", headers={"Accept-Language": "de"}).text
+    assert '<html lang="en" dir="ltr">' in page
