@@ -19,7 +19,14 @@ from app.services import study as services
 from app.services.links import Invitation
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_code, hash_token, new_token, next_token, resume_code
-from app.store import ExternalPerson, PersonKnownError, SessionRecord, Source, TokenTakenError
+from app.store import (
+    ExternalPerson,
+    PersonKnownError,
+    SessionDeletedError,
+    SessionRecord,
+    Source,
+    TokenTakenError,
+)
 from study_core.path import Ending
 from study_core.study import Study
 
@@ -86,6 +93,9 @@ class Door:
 
     def arrive(self, visit: Visit) -> Welcome:
         """Returns what somebody finds; changes nothing."""
+        return _settled(lambda: self._arrive(visit))
+
+    def _arrive(self, visit: Visit) -> Welcome:
         person = visit.invitation.person
         kept = None if visit.token is None else self._session_of(visit.token)
         if kept is not None and self._is_of(kept, visit.invitation):
@@ -226,10 +236,10 @@ class Door:
 
 
 def _settled(attempt: Callable[[], Welcome]) -> Welcome:
-    """Tries once more when the same page or the same id has come in at the same moment: by then it is known."""
+    """Tries once more when somebody has come in, or was deleted, at the same moment: by then it is known."""
     try:
         return attempt()
-    except (TokenTakenError, PersonKnownError):
+    except (TokenTakenError, PersonKnownError, SessionDeletedError):
         return attempt()
 
 

@@ -137,7 +137,12 @@ class Runtime:
                 self._live.move_to_end(session_id)
                 return known
         # Reading a long log takes a while, and nobody else has to wait for it; whoever is first keeps theirs.
-        read = self._read(session_id)
+        try:
+            read = self._read(session_id)
+        except SessionDeletedError:
+            # Another process has deleted it.
+            self.forget(session_id)
+            raise
         with self._lock:
             if len(self._live) >= _MOST_LIVE_SESSIONS:
                 self._live.popitem(last=False)

@@ -251,6 +251,16 @@ def test_an_id_that_has_finished_never_begins_again(runtime: Runtime, door: Door
     assert len(runtime.store.sessions()) == 1
 
 
+def test_whoever_stopped_before_a_question_finds_the_end_after_a_restart(runtime: Runtime) -> None:
+    asking = Door(runtime, find_study("quickstart"))
+    session_id = session_of(runtime, join(asking))
+    assert services.screen(runtime, session_id).kind == "question"
+    path.end(runtime, session_id, Ending.STOPPED)
+    for _ in range(2):
+        assert services.screen(runtime, session_id).kind == "finished"
+        runtime.forget(session_id)
+
+
 def test_an_id_is_one_person_across_versions_of_the_study(runtime: Runtime, door: Door) -> None:
     token = join(door, ALICE)
     mended = parse_study(study_with().text.replace('title = "', 'title = "Mended: '))
@@ -284,6 +294,20 @@ def test_closing_sends_nobody_away_who_is_in(runtime: Runtime, door: Door) -> No
     assert closed.arrive(new(ALICE)).arrival is Arrival.KNOWN_ELSEWHERE
     assert closed.arrive(new(ALICES_OWN)).arrival is Arrival.INVITED_BACK
     assert closed.arrive(new()).arrival is Arrival.CLOSED
+
+
+@pytest.mark.parametrize("invitation", [ANYBODY, ALICE])
+def test_whoever_was_deleted_by_another_process_is_somebody_new(
+    runtime: Runtime, door: Door, invitation: Invitation
+) -> None:
+    token = join(door, invitation)
+    session_id = session_of(runtime, token)
+    runtime.store.delete_session(session_id)
+    # What this process knew of the session has made room for others'; that it knows the token hasn't.
+    del runtime._live[session_id]
+    assert door.arrive(new(invitation, token)) == Welcome(Arrival.NEW)
+    assert door.join(new(invitation, token), new_token()).arrival is Arrival.RESUMED
+    assert len(runtime.store.sessions()) == 1
 
 
 def test_a_full_study_lets_somebody_in_for_each_who_leaves(

@@ -7,12 +7,15 @@ import json
 import socket
 import sqlite3
 from pathlib import Path
+from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 from alembic import command
 from alembic.config import Config
 
+from app.services.links import read_invitation
 from app.settings import find_study
+from app.store import open_store
 from app.store.engine import parse_url
 from app.store.migrate import MIGRATIONS, migration_transaction
 from tests.support.command_line import assert_one_line_with, run, run_apart
@@ -229,3 +232,29 @@ def test_every_command_explains_itself(command: str) -> None:
     done = run(command, "--help")
     assert done.returncode == 0
     assert len(done.stdout) > 200
+
+
+def test_each_person_gets_a_link_that_holds_for_one_database(tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 'links.db'}"
+    options = ("link", "--database", database, "--base-url", "https://study.example/", "P01", "Jörg & Co")
+    first, second = run_apart(*options), run(*options)
+    assert first.returncode == 0, first.stderr
+    assert first.stdout == second.stdout
+    links = first.stdout.splitlines()
+    assert len(links) == 2
+    assert links[0].startswith("https://study.example/join/quickstart?id=P01&signature=")
+    with open_store(database) as store:
+        people = [
+            read_invitation(store, "quickstart", dict(parse_qsl(urlsplit(link).query))) for link in links
+        ]
+    assert [(person.person.external_id, person.is_signed) for person in people if person.person] == [
+        ("P01", True),
+        ("Jörg & Co", True),
+    ]
+    other = run(*options[:1], "--database", f"sqlite:///{tmp_path / 'other.db'}", *options[3:])
+    assert other.stdout != first.stdout
+
+
+def test_no_link_is_made_for_what_is_no_id(tmp_path: Path) -> None:
+    done = run("link", "--database", f"sqlite:///{tmp_path / 'links.db'}", "P01", "")
+    assert_one_line_with(done, "1 to 200 printable characters")

@@ -562,3 +562,27 @@ def test_an_unknown_study_is_told_in_words(place: Place) -> None:
             response = alice.get(path)
             assert response.status_code == 404
             assert "was copied" in response.text
+
+
+def test_the_language_of_the_link_is_the_language_of_the_session(place: Place) -> None:
+    study = find_study("full-path")
+    with serving(replace(place.parts, study=study)) as url, place.browser() as anna:
+        link = f"{url}/join/full-path?lang=de&{urlencode(PROLIFIC)}"
+        page = anna.get(link)
+        assert '<html lang="de"' in page.text
+        home = anna.post(link, data={"ticket": ticket_in(page)}).headers["location"]
+        assert '<html lang="de"' in anna.get(url + home).text
+    (session,) = place.store.sessions()
+    assert [event.kind for event in place.store.events(session.id)] == ["session_begun", "language_chosen"]
+    person = place.store.external_person(session.id)
+    assert person is not None
+    assert "lang" not in person.other_ids
+
+
+def test_the_opening_is_told_as_the_persons_language_writes_it(place: Place) -> None:
+    opening = "\n[recruitment]\nopens = 2099-12-01T09:00:00+01:00\n"
+    study = parse_study(find_study("full-path").text + opening)
+    with serving(replace(place.parts, study=study)) as url, place.browser() as anna:
+        page = anna.get(f"{url}/join/full-path", headers={"Accept-Language": "de-CH, en;q=0.5"})
+    assert page.status_code == 403
+    assert "Dienstag, 1. Dezember 2099, 09:00 (GMT+01:00)" in page.text
