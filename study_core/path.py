@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from study_core.section import Name, Section, Words
 
@@ -27,10 +28,17 @@ class EndingSection(Section):
     """What somebody gets at an ending."""
 
     code: str | None = Field(None, min_length=1, max_length=100, description="Completion code.")
-    redirect: str | None = Field(
-        None, pattern=r"^https?://[^\s<>\"']+$", description="Where a button leads, once everything is saved."
-    )
+    redirect: str | None = Field(None, description="Where a button leads, once everything is saved.")
     text: Name | None = Field(None, description="Name of the text on the last page.")
+
+    @field_validator("redirect")
+    @classmethod
+    def _leads_to_a_page(cls, value: str | None) -> str | None:
+        if value is not None and not re.fullmatch(r"https?://[^\s<>\"']+", value):
+            raise ValueError(
+                "redirect must be an address that begins with https:// or http://, without spaces or quotes"
+            )
+        return value
 
 
 class NumberItem(Section):

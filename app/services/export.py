@@ -205,15 +205,17 @@ def _step_row(record: SessionRecord, study: Study, row: EventRecord, event: Step
 
 
 def _response_rows(record: SessionRecord, study: Study, row: EventRecord, event: StepTaken) -> Iterator[Row]:
-    questionnaire = questionnaire_of(study.file.path[event.step])
-    for item, value in event.content.get("answers", {}).items():
+    answers, questionnaire = event.content.get("answers"), questionnaire_of(study.file.path[event.step])
+    if answers is None or questionnaire is None:
+        return
+    for item in study.file.questionnaire[questionnaire]:
         yield {
             "person_id": record.id,
             "position": row.position,
             "step": event.step,
             "questionnaire": questionnaire,
-            "item": item,
-            "value": value,
+            "item": item.name,
+            "value": answers[item.name],
         }
 
 

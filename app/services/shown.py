@@ -53,5 +53,5 @@ def shown(runtime: Runtime, session_id: str) -> Shown | None:
 
 
 @lru_cache(maxsize=8)
-def _example(text: str) -> Query:
-    return propose_common_query(parse_study(text), "example", 0).query
+def _example(study_text: str) -> Query:
+    return propose_common_query(parse_study(study_text), "example", 0).query

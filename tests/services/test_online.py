@@ -125,7 +125,7 @@ def test_learning_begins_as_soon_as_the_answers_are_there(rehearsed: tuple[Runti
         services.answer(runtime, record.id, index, "ab"[index % 2], 900)
         services.screen(runtime, record.id)
     assert live.learning is not None
-    assert live.learning[0] == 11
+    assert live.learning[0].n_queries == 11
     assert feature_before(runtime, live, live.state, 15) is live.learning[1]
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+from study_core.comparison import Choice
 from study_core.replay import first_difference
 from tests.study_core.made_up import prepared
 
@@ -37,3 +38,13 @@ def test_another_clip_another_length_and_a_missing_clip_are_differences():
     versions = replace(stored.proposed.provenance, versions=("driving-v1",))
     shorter = replace(stored, proposed=replace(stored.proposed, provenance=versions))
     assert "provenance.versions" in first_difference(stored, shorter)
+
+
+def test_sides_are_compared_where_they_were_written_down_and_only_there():
+    stored = prepared(2)
+    derived = replace(stored, first_shown=Choice.B, clips={"wide": "00", "tall": "11"})
+    assert first_difference(stored, derived) is not None
+    unwritten = replace(stored, first_shown=None)
+    assert first_difference(unwritten, derived) is None
+    other = replace(derived, proposed=prepared(3).proposed)
+    assert first_difference(unwritten, other) is not None

@@ -14,15 +14,23 @@ from study_core import session_codec
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
 from study_core.online.feature import LearnedFeature
+from study_core.path import Ending
+from study_core.plan import Position
 from study_core.posterior.population import PopulationPrior
 from study_core.queries import Imported, ProposedQuery
 from study_core.session import (
     AnswerGiven,
+    AnswerTakenBack,
+    BreakTaken,
     FeatureLearned,
+    LanguageChosen,
     Phase,
     PopulationAdopted,
     QueryPrepared,
     SessionBegun,
+    SessionEnded,
+    StepOutcome,
+    StepTaken,
 )
 from tests.study_core.made_up import learned_feature, prepared, proposed
 
@@ -74,6 +82,22 @@ def same(first, second):
         FeatureLearned(20, 16, None, "0.1.0"),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
         QueryPrepared(3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", None, None),
+        QueryPrepared(9, Phase.REPEAT, proposed(2), {}, "0.1.0", 1.5, Choice.B, 4),
+        QueryPrepared(9, Phase.CHECK, proposed(2), {}, "0.1.0", 1.5, Choice.A, None, Position.SECOND),
+        AnswerGiven(7, Choice.B, 900, 5),
+        AnswerTakenBack(7),
+        BreakTaken(50),
+        LanguageChosen("pt-BR"),
+        *(StepTaken(2, outcome) for outcome in StepOutcome),
+        StepTaken(
+            5,
+            StepOutcome.DONE,
+            {
+                "read": {"language": "de"},
+                "answers": {"age": 31, "drives": ["bus"], "said": 'ü 🙂\n"', "left": None},
+            },
+        ),
+        *(SessionEnded(ending) for ending in Ending),
     ],
     ids=lambda event: type(event).__name__,
 )
@@ -121,6 +145,11 @@ def test_every_kind_of_event_has_a_name_of_its_own():
         FeatureLearned(20, 16, None, "0.1.0"),
         prepared(0),
         AnswerGiven(0, Choice.A, 1),
+        LanguageChosen("en"),
+        StepTaken(0, StepOutcome.DONE),
+        BreakTaken(4),
+        AnswerTakenBack(0),
+        SessionEnded(Ending.STOPPED),
     )
     kinds = [session_codec.kind_of(event) for event in events]
     assert kinds == [
@@ -129,13 +158,33 @@ def test_every_kind_of_event_has_a_name_of_its_own():
         "feature_learned",
         "query_prepared",
         "answer_given",
+        "language_chosen",
+        "step_taken",
+        "break_taken",
+        "answer_taken_back",
+        "session_ended",
     ]
+
+
+def test_what_the_first_sessions_did_not_say_is_not_made_up():
+    content = session_codec.to_json(prepared(0))
+    for key in ("first_shown", "repeat_of", "instructed"):
+        del content[key]
+    event = session_codec.from_json("query_prepared", content)
+    assert (event.first_shown, event.repeat_of, event.instructed) == (None, None, None)
+    assert event.side_shown_first is Choice.A
+    answer = {"query_index": 0, "choice": "a", "response_time_ms": 5}
+    assert session_codec.from_json("answer_given", answer) == AnswerGiven(0, Choice.A, 5, None)
 
 
 GOOD = session_codec.to_json(prepared(0))
 
 UNREADABLE = {
-    "an unknown kind": ("session_ended", {}),
+    "an unknown kind": ("session_paused", {}),
+    "an end that never was": ("session_ended", {"ending": "bored"}),
+    "an outcome that never was": ("step_taken", {"step": 0, "outcome": "skipped", "content": {}}),
+    "a position that never was": ("query_prepared", {**GOOD, "instructed": "third"}),
+    "a side that never was": ("query_prepared", {**GOOD, "first_shown": "c"}),
     "a beginning of nobody": ("session_begun", {}),
     "an answer without a choice": ("answer_given", {"query_index": 0, "response_time_ms": 5}),
     "an answer neither a nor b": ("answer_given", {"query_index": 0, "choice": "c", "response_time_ms": 5}),
