@@ -98,7 +98,8 @@ def test_what_has_to_be_mended_is_said_and_nothing_typed_is_lost(finisher: Wayfa
     )
     answered = finisher.send(form)
     assert answered.status_code == 422
-    assert 'role="alert"' in answered.text and "autofocus" in answered.text
+    assert 'role="alert"' in answered.text
+    assert "autofocus" in answered.text
     assert "Please choose one of the answers shown." in answered.text
     assert SCRIPT not in answered.text
     assert f"First line\nsecond {SCRIPT}</textarea>" in html.unescape(answered.text)
@@ -137,9 +138,11 @@ def test_a_form_from_another_site_is_refused(full_path: ServerProcess, somebody:
 
 def test_a_page_of_long_answers_in_any_script_fits_and_more_is_refused(finisher: Wayfarer) -> None:
     within = finisher.send(finisher.form(enjoyed="", remarks="猫" * 5000))
-    assert within.status_code == 422 and "at most" not in within.text
+    assert within.status_code == 422
+    assert "at most" not in within.text
     too_long = finisher.send(finisher.form(remarks="猫" * 5001))
-    assert too_long.status_code == 422 and "at most 5,000 characters" in too_long.text
+    assert too_long.status_code == 422
+    assert "at most 5,000 characters" in too_long.text
     assert finisher.send(finisher.form(remarks="x" * 600_000)).status_code == 413
 
 
@@ -164,7 +167,8 @@ def test_the_debrief_shows_the_own_result_and_the_last_page_its_code(somebody: W
     page = somebody.page()
     assert "Keeping clear of the other car" in page
     # Fewer than five others have been through it.
-    assert page.count('<svg class="drive"') == 1 and "average" not in page
+    assert page.count('<svg class="drive"') == 1
+    assert "average" not in page
     somebody.go_on()
     last = somebody.page()
     assert "FULLPATH-DONE" in last
