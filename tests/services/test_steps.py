@@ -44,7 +44,8 @@ def steps_taken(runtime: Runtime, person: str) -> list[StepTaken]:
 
 def take(runtime: Runtime, person: str, form: path.Form) -> path.StepReceipt:
     """Sends the current page."""
-    return path.take_step(runtime, person, services.screen(runtime, person).step, form)
+    n_tries = runtime.live(person).state.n_tries
+    return path.take_step(runtime, person, services.screen(runtime, person).step, form, n_tries)
 
 
 def practise(runtime: Runtime, person: str) -> None:
@@ -117,6 +118,14 @@ def test_the_comprehension_check_gives_no_third_chance(runtime: Runtime, person:
     take(runtime, person, WRONG)
     assert take(runtime, person, WRONG).screen.kind == "finished"
     assert runtime.live(person).state.ending is Ending.FAILED
+
+
+def test_a_check_that_is_sent_twice_is_tried_once(runtime: Runtime, person: str) -> None:
+    practise(runtime, person)
+    step = services.screen(runtime, person).step
+    for _ in range(3):
+        assert path.take_step(runtime, person, step, WRONG, n_tries=0).screen.kind == "step"
+    assert runtime.live(person).state.n_tries == 1
 
 
 def test_a_missing_answer_is_no_try_of_the_check(runtime: Runtime, person: str) -> None:
