@@ -16,7 +16,7 @@ from tests.support.screens import first_question, screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import join, serving
 
-ANSWER: dict[str, Any] = {"query_index": 0, "choice": "a", "response_time_ms": 900}
+ANSWER: dict[str, Any] = {"query_index": 0, "choice": "first", "response_time_ms": 900}
 
 
 def test_an_answer_is_taken_once_and_brings_the_next_question(
@@ -26,7 +26,7 @@ def test_an_answer_is_taken_once_and_brings_the_next_question(
     first = client.post(f"/s/{token}/answer", json=ANSWER).json()
     assert first["outcome"] == "taken"
     assert first["screen"]["number"] == 2
-    again = client.post(f"/s/{token}/answer", json={**ANSWER, "choice": "b"}).json()
+    again = client.post(f"/s/{token}/answer", json={**ANSWER, "choice": "second"}).json()
     assert again["outcome"] == "already-taken"
     assert again["screen"]["position"] >= first["screen"]["position"]
 
@@ -134,7 +134,7 @@ def test_a_page_has_a_button_for_every_answer_that_the_study_offers_and_the_answ
         home = client.post("/join/skips", content=b"").headers["location"]
         first_question(client, home)
         page = client.get(home).text
-        assert re.findall(r'data-choice="(\w+)"', page) == ["a", "b", "skip"]
+        assert re.findall(r'data-choice="(\w+)"', page) == ["first", "second", "skip"]
         skipped = client.post(f"{home}answer", json={**ANSWER, "choice": "skip"}).json()
         assert skipped["outcome"] == "taken"
         assert skipped["screen"]["number"] == 2

@@ -86,7 +86,7 @@ def test_who_was_deleted_while_answering_is_told_so_and_forgotten(parts: SitePar
         first_question(person, home)
         (record,) = parts.runtime.store.sessions()
         parts.runtime.store.delete_session(record.id)
-        answer = {"query_index": 0, "choice": "a", "response_time_ms": 900}
+        answer = {"query_index": 0, "choice": "first", "response_time_ms": 900}
         refused = person.post(f"{home}answer", json=answer)
         assert (refused.status_code, refused.json()["error"]["code"]) == (410, "deleted")
         assert person.get(home, headers=BROWSER).status_code == 404

@@ -35,7 +35,7 @@ class MadeUp:
     on_read: Callable[[], None] = lambda: None
 
     def screen(self, *_: object) -> Screen:
-        read = Screen(self.kind, self.position, 0, 1, 12)
+        read = Screen(self.kind, self.position, 0, 0, 1, 12, False, None, None, False)
         self.on_read()
         return read
 
@@ -138,7 +138,9 @@ def test_a_change_reaches_two_tabs(server: ServerProcess, client: httpx.Client) 
     tabs = [screens(client, home), screens(client, home)]
     for tab in tabs:
         assert next(tab)["query_index"] == 0
-    receipt = client.post(f"{home}answer", json={"query_index": 0, "choice": "a", "response_time_ms": 900})
+    receipt = client.post(
+        f"{home}answer", json={"query_index": 0, "choice": "first", "response_time_ms": 900}
+    )
     assert receipt.json()["outcome"] == "taken"
     for tab in tabs:
         assert next(screen for screen in tab if screen["kind"] == "question")["query_index"] == 1
@@ -150,7 +152,7 @@ def test_screens_end_when_the_session_is_finished(server: ServerProcess, client:
     for screen in screens(client, home):
         seen.append(screen)
         if screen["kind"] == "question":
-            body = {"query_index": screen["query_index"], "choice": "b", "response_time_ms": 900}
+            body = {"query_index": screen["query_index"], "choice": "second", "response_time_ms": 900}
             client.post(f"{home}answer", json=body)
     assert seen[-1]["kind"] == "finished"
     assert {screen["query_index"] for screen in seen} == {*range(12), None}
