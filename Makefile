@@ -10,7 +10,7 @@ PYTEST := $(BIN)/pytest -n $(WORKERS) --dist loadfile
 SOURCES := app study_core migrations tests
 
 .DEFAULT_GOAL := help
-.PHONY: run test check check-slow bench format messages chromium clean help
+.PHONY: run test check check-slow bench format messages chromium npm clean help
 
 run: .venv/runtime.stamp ## Set up, then serve the quickstart study; prints the participant's link
 	$(BIN)/prefstudy serve --study quickstart
@@ -18,7 +18,7 @@ run: .venv/runtime.stamp ## Set up, then serve the quickstart study; prints the 
 test: .venv/dev.stamp ## Set up, then run the fast tests (no browser)
 	$(PYTEST) -m "not slow and not browser"
 
-check: .venv/dev.stamp chromium ## Format, lint, types, imports, every test but the slow ones
+check: .venv/dev.stamp chromium node_modules/axe.stamp ## Format, lint, types, imports, every test but the slow ones
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
@@ -50,8 +50,17 @@ chromium: ## Install Chromium, which the browser tests drive, when there is none
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || \
 		{ $(SUDO) apt-get update && $(SUDO) apt-get install --yes --no-install-recommends chromium; }
 
+npm:
+	@command -v npm >/dev/null || \
+		{ $(SUDO) apt-get update && $(SUDO) apt-get install --yes --no-install-recommends npm; }
+
+# What looks for barriers on the pages; the lock file pins it by its hash.
+node_modules/axe.stamp: package.json package-lock.json | npm
+	npm ci --ignore-scripts --no-audit --no-fund
+	touch $@
+
 clean: ## Remove the environment and every cache
-	rm -rf .venv build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv node_modules build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find app study_core migrations tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help: ## Show this
