@@ -1,6 +1,8 @@
 // Makes a line of a field for a number from least to most: nothing is on it until the person puts it there.
 import { word } from "./page.js";
 
+const { format } = new Intl.NumberFormat(document.documentElement.lang);
+
 /** Puts a slider in the place of the field, which goes on holding the value that is sent. */
 export function slides(field) {
   const { least, most, step } = field.dataset;
@@ -23,7 +25,7 @@ export function slides(field) {
   const show = () => {
     const isOpen = field.value === "";
     line.classList.toggle("is-open", isOpen);
-    const text = isOpen ? word("unanswered") : word("answered", { value: slider.value, most });
+    const text = isOpen ? word("unanswered") : word("answered", { value: format(slider.value), most: format(most) });
     output.textContent = text;
     slider.setAttribute("aria-valuetext", text);
   };

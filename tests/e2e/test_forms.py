@@ -1,4 +1,4 @@
-"""The path's forms at a browser: kept over a reload, sent when the network is back, usable by keyboard or without scripts."""
+"""The forms of the path: kept over a reload, sent when the network is back, usable by keyboard and without scripts."""
 
 from __future__ import annotations
 
