@@ -30,6 +30,7 @@ REVEAL_AT_LATEST_S = 1.0
 """When a new clip takes the old one's place though no page has said that it has loaded."""
 
 _TIDY_S = 0.25
+_MOMENT_S = 0.001
 
 _HOST = "127.0.0.1"
 _FIRST_PORT = 8180
@@ -179,8 +180,12 @@ class Stage:
     def seek(self, position_s: float) -> None:
         """Goes to a place in the loop; stands still there, or plays on from there, as before."""
         with self._lock:
+            if self._picture is None:
+                return
+            # The end of the loop is also its beginning; whoever goes there means the end.
+            last_s = duration_s(self._picture.a, self._picture.b) - _MOMENT_S
             lead_s = 0.0 if self._play.is_frozen else self._unseen_s()
-            self._change(max(0.0, position_s - lead_s), self._play.is_frozen)
+            self._change(max(0.0, min(position_s, last_s) - lead_s), self._play.is_frozen)
 
     def set_speed(self, speed: float) -> None:
         """Plays this clip, from where it is, and all that follow at another speed.

@@ -212,6 +212,7 @@ def test_twice_the_speed_takes_half_the_time_and_holds_for_the_next_question(per
     answers_surely(person, "a", 3)
     sees(person, 2)
     expect(person.page.get_by_label("Speed of both animations")).to_have_value("2")
+    person.page.wait_for_timeout(1000)
     assert person.page.evaluate(pace) == pytest.approx(2.0, rel=0.1)
     assert measures(person)[0]["speed_changes"] == 1
 
@@ -278,17 +279,16 @@ def test_time_spent_elsewhere_and_the_pace_of_frames_are_measured(person: Person
     assert measured["layout"] == "wide"
 
 
-def test_an_answer_is_acknowledged_within_a_tenth_of_a_second(person: Person) -> None:
-    took_ms = person.page.evaluate(
-        """() => new Promise((done) => {
+def test_an_answer_is_acknowledged_before_the_next_frame(person: Person) -> None:
+    is_told, took_ms = person.page.evaluate(
+        """() => {
           const button = document.getElementById("answer-first");
           const began = performance.now();
-          const isTold = () => button.matches(".is-chosen");
-          const look = () => isTold() ? done(performance.now() - began) : requestAnimationFrame(look);
           button.click();
-          requestAnimationFrame(look);
-        })"""
+          return [button.matches(".is-chosen"), performance.now() - began];
+        }"""
     )
+    assert is_told
     assert took_ms < 100
 
 

@@ -69,10 +69,9 @@ def test_people_are_who_their_links_said_they_are(database_url: str, tmp_path: P
         store.put_study(QUICKSTART.hash, QUICKSTART.name, QUICKSTART.text)
         person = ExternalPerson("quickstart", "a-pid", {"STUDY_ID": "a-study"})
         session = store.create_session(QUICKSTART.hash, "token", Source.JOINED, None, person)
-        given, taken_back = (
-            NewEvent(kind, {"query_index": 0}) for kind in ("answer_given", "answer_taken_back")
-        )
-        store.append(session.id, 0, [given, taken_back], ending="stopped")
+        begun = NewEvent("session_begun", {"participant": 1})
+        stopped = NewEvent("session_ended", {"ending": "stopped"})
+        store.append(session.id, 0, [begun, stopped], ending="stopped")
         store.create_session(QUICKSTART.hash, "another", Source.JOINED)
         for form in ("jsonl", "csv"):
             export(store, tmp_path / form, form, "all", lambda: None)

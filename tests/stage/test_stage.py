@@ -218,6 +218,14 @@ def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
     assert (stage.playing.position_s, stage.playing.is_paused) == (4.5, True)
 
 
+def test_the_end_of_the_loop_is_not_its_beginning(stage: Stage, picture: Picture) -> None:
+    stage.show(picture)
+    stage.pause()
+    stage.seek(duration_s(picture.a, picture.b))
+    assert stage.playing is not None
+    assert stage.playing.position_s == pytest.approx(stage.playing.duration_s, abs=0.01)
+
+
 def test_whoever_wants_no_motion_sees_first_moments_until_they_press_play(
     stage: Stage, picture: Picture
 ) -> None:
