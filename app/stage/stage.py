@@ -29,6 +29,9 @@ REVEAL_S = 0.15
 REVEAL_AT_LATEST_S = 1.0
 """When a new clip takes the old one's place though no page has said that it has loaded."""
 
+UNSEEN_S = 0.05
+"""How long a clip that has loaded plays before it is revealed: the page has to see its flag and say so."""
+
 _TIDY_S = 0.25
 _MOMENT_S = 0.001
 
@@ -169,13 +172,13 @@ class Stage:
         """Stops the clip where it will be when the still one is revealed, so that nothing jumps."""
         with self._lock:
             if not self._play.is_frozen:
-                self._change(self._position_s() + self._unseen_s(), True)
+                self._change(self._position_when_revealed_s(), True)
 
     def resume(self) -> None:
         """Goes on from where the clip was paused."""
         with self._lock:
             if self._play.is_frozen:
-                self._change(max(0.0, self._play.start_s - self._unseen_s()), False)
+                self._change(max(0.0, self._play.start_s - UNSEEN_S * self._speed), False)
 
     def seek(self, position_s: float) -> None:
         """Goes to a place in the loop; stands still there, or plays on from there, as before."""
@@ -184,7 +187,7 @@ class Stage:
                 return
             # The end of the loop is also its beginning; whoever goes there means the end.
             last_s = duration_s(self._picture.a, self._picture.b) - _MOMENT_S
-            lead_s = 0.0 if self._play.is_frozen else self._unseen_s()
+            lead_s = 0.0 if self._play.is_frozen else UNSEEN_S * self._speed
             self._change(max(0.0, min(position_s, last_s) - lead_s), self._play.is_frozen)
 
     def set_speed(self, speed: float) -> None:
@@ -194,10 +197,10 @@ class Stage:
             speed: Seconds of the loop per second.
         """
         with self._lock:
-            goes_on_at_s = self._position_s() + self._unseen_s()
+            goes_on_at_s = self._position_when_revealed_s()
             self._speed = speed
             if not self._play.is_frozen:
-                self._change(goes_on_at_s - self._unseen_s(), False)
+                self._change(goes_on_at_s - UNSEEN_S * speed, False)
 
     def set_still(self, starts_still: bool) -> None:
         """Says whether pictures wait at their first moment until they are told to play, the one shown now included."""
@@ -217,7 +220,10 @@ class Stage:
         """Reveals the clip that waits, now that a page has seen its flag; another clip's flag changes nothing."""
         with self._lock:
             if self._coming is not None and flag == self._flag:
-                self._reveal_s = min(self._clock() - self._play.since, REVEAL_AT_LATEST_S)
+                now = self._clock()
+                self._reveal_s = min(now - self._play.since, REVEAL_AT_LATEST_S)
+                # Its clock has run since it loaded, not since it was sent.
+                self._play.since = now - UNSEEN_S
                 self._reveal(self._turn)
                 self._server.flush()
 
@@ -240,9 +246,9 @@ class Stage:
             return self._play.start_s
         return self._play.start_s + self._play.speed * (self._clock() - self._play.since)
 
-    def _unseen_s(self) -> float:
-        """How far a clip gets before it is revealed."""
-        return self._reveal_s * self._speed
+    def _position_when_revealed_s(self) -> float:
+        """Where the clip that plays now will be when a new one takes its place."""
+        return self._position_s() + self._reveal_s * self._play.speed
 
     def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
         """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""

@@ -34,7 +34,7 @@ def test_a_session_by_mouse_and_keyboard_with_a_reload_is_stored_as_it_was_given
     person.sees_the_end()
     took_ms = 1000 * (time.monotonic() - started)
     for _ in range(2):
-        assert person.page.get_by_text(STUDY.file.text.thanks.strip()).is_visible()
+        assert person.page.get_by_text(STUDY.text_named("thanks", "en").strip()).is_visible()
         assert person.page.locator("#answer-first").is_hidden()
         person.page.reload()
         person.sees_the_end()

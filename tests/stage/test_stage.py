@@ -11,7 +11,7 @@ import pytest
 from app.stage.clip import N_FLAGS, TAIL_S, build_clip, duration_s
 from app.stage.framing import Layout
 from app.stage.keeper import Action, InvalidActionError, StageKeeper
-from app.stage.stage import REVEAL_S, Picture, Stage, StageBusyError, StageClosedError
+from app.stage.stage import REVEAL_S, UNSEEN_S, Picture, Stage, StageBusyError, StageClosedError
 from study_core.scene import Scene
 from tests.stage.made_up import drive
 
@@ -145,7 +145,7 @@ def test_how_long_a_clip_takes_to_appear_is_learned_from_the_page(
     stage.pause()
     stage.has_loaded(stage._flag)
     assert stage.playing is not None
-    assert stage.playing.position_s == pytest.approx(1.08 + 0.08)
+    assert stage.playing.position_s == pytest.approx(UNSEEN_S + 1.0 + 0.08)
 
 
 def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes: tuple[Scene, Scene]) -> None:
@@ -173,8 +173,8 @@ def test_resume_goes_on_from_the_paused_moment(stage: Stage, picture: Picture, c
     stage.pause()
     clock.now += 30.0
     stage.resume()
-    # The clip runs for REVEAL_S before it is seen.
-    wait_until(lambda: shows(stage, picture, 2.0))
+    # The clip runs for UNSEEN_S before it is seen.
+    wait_until(lambda: shows(stage, picture, 2.0 + REVEAL_S - UNSEEN_S))
     assert not stage.is_paused
 
 
@@ -191,8 +191,8 @@ def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
     stage.show(picture)
     clock.now += 2.0
     stage.set_speed(2.0)
-    # It runs unseen for REVEAL_S at the new speed, while the old clip gets as far at the old one.
-    start_s = 2.0 + REVEAL_S - 2.0 * REVEAL_S
+    # It runs unseen for UNSEEN_S at the new speed; the old clip plays on for REVEAL_S.
+    start_s = 2.0 + REVEAL_S - 2.0 * UNSEEN_S
     wait_until(lambda: shows(stage, picture, start_s, speed=2.0))
     clock.now += 1.0
     assert stage.playing is not None
@@ -208,8 +208,8 @@ def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
 ) -> None:
     stage.show(picture)
     stage.seek(3.0)
-    wait_until(lambda: shows(stage, picture, 3.0 - REVEAL_S))
-    stage.seek(0.1)
+    wait_until(lambda: shows(stage, picture, 3.0 - UNSEEN_S))
+    stage.seek(0.04)
     wait_until(lambda: shows(stage, picture))
     stage.pause()
     stage.seek(4.5)
