@@ -13,6 +13,7 @@ from app.stage.framing import Layout
 from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.domain import Domain
 from study_core.errors import NetworkError
+from study_core.events import FeatureLearned, QueryPrepared
 from study_core.online.learn import learn_feature
 from study_core.plan import Phase, Slot, plan_of
 from study_core.posterior.run import Posterior
@@ -24,7 +25,6 @@ from study_core.queries import (
     propose_test_set,
 )
 from study_core.scene import Scene
-from study_core.session import FeatureLearned, QueryPrepared
 from study_core.study import Study, parse_study
 
 CODE_VERSION = version("prefstudy")

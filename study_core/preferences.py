@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from study_core.comparison import Choice, Query
 from study_core.domain import Domain
+from study_core.events import AnswerGiven, AnswerTakenBack, Event, QueryPrepared
 from study_core.plan import Phase
 from study_core.predictors.predictor import Pairs
-from study_core.session import AnswerGiven, AnswerTakenBack, Event, QueryPrepared
 
 
 def preferences(

@@ -15,10 +15,11 @@ from study_core.comparison import Choice, ComparisonSet, Query
 from study_core.domains.driving import DRIVING_V1
 from study_core.domains.driving.recover import recover_controls
 from study_core.errors import NotATrajectoryError, PublishedDataError
+from study_core.events import AnswerGiven, Event, QueryPrepared, SessionBegun
 from study_core.plan import Phase
 from study_core.published import PublishedPerson, read_person
 from study_core.queries import Imported, ProposedQuery
-from study_core.session import AnswerGiven, Event, QueryPrepared, SessionBegun, reduce
+from study_core.session import reduce
 from study_core.study import Study, parse_study
 
 STUDY_NAME = "katz2021-published"

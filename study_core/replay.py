@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from study_core import session_codec
-from study_core.session import Event, QueryPrepared
+from study_core.events import Event, QueryPrepared
 
 # What says when and by whom something was computed, not what it is.
 _CIRCUMSTANCES = ("code_version", "compute_ms")

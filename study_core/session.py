@@ -7,220 +7,36 @@ results.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
 
-import numpy as np
-
-from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.comparison import ComparisonSet, Query
 from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.events import (
+    AnswerGiven,
+    AnswerTakenBack,
+    BreakTaken,
+    Event,
+    FeatureLearned,
+    LanguageChosen,
+    PopulationAdopted,
+    QueryPrepared,
+    SessionBegun,
+    SessionEnded,
+    StepOutcome,
+    StepTaken,
+)
 from study_core.knowledge import NOTHING, Knowledge
-from study_core.online.feature import Compared, LearnedFeature
-from study_core.online.schedule import FEWEST_ANSWERS, LEAD, n_learned_from
 from study_core.path import ConsentStep, Ending, PracticeStep, QueriesStep, QuestionnaireStep, Step
-from study_core.plan import Phase, Plan, Position, plan_of
-from study_core.posterior.population import PopulationPrior
-from study_core.queries import Participant, ProposedQuery
+from study_core.plan import Phase, Plan, plan_of
+from study_core.queries import Participant
 from study_core.study import Study
-
-MOST_CONFIDENT = 5
-"""Confidence goes from 1, a guess, to this."""
-
-
-class StepOutcome(StrEnum):
-    """What became of a step of the path."""
-
-    DONE = "done"
-    AGAIN = "again"
-    DECLINED = "declined"
-    FAILED = "failed"
-    SCREENED_OUT = "screened-out"
-
 
 _ENDING_OF = {
     StepOutcome.DECLINED: Ending.DECLINED,
     StepOutcome.FAILED: Ending.FAILED,
     StepOutcome.SCREENED_OUT: Ending.SCREENED_OUT,
 }
-
-
-@dataclass(frozen=True)
-class SessionBegun:
-    """The person has read the welcome page and pressed Begin.
-
-    Attributes:
-        participant: Names the session's random streams: the participant's ordinal, or a rehearsal's label; never a
-            secret.
-    """
-
-    participant: Participant
-
-
-@dataclass(frozen=True)
-class LanguageChosen:
-    """From here on the person reads the study in that language."""
-
-    language: str
-
-
-@dataclass(frozen=True)
-class StepTaken:
-    """The person has been through a step of the path that isn't queries, or has tried to.
-
-    Attributes:
-        step: Its place in the path, from 0.
-        outcome: `again` leaves the person where they are, for another try.
-        content: What they answered, and what exactly they had read.
-    """
-
-    step: int
-    outcome: StepOutcome
-    content: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class BreakTaken:
-    """The person goes on after a break.
-
-    Attributes:
-        query_index: The query before which the break was.
-    """
-
-    query_index: int
-
-
-@dataclass(frozen=True)
-class QueryPrepared:
-    """A query is ready to be shown.
-
-    Attributes:
-        query_index: From 0.
-        phase: Whether its answer informs the posterior.
-        proposed: The query and its provenance.
-        clips: SHA-256 of the clip in each picture layout: what exactly is shown.
-        code_version: Version of prefstudy that computed or imported it.
-        compute_ms: What it cost, one core; None for an imported query.
-        first_shown: The trajectory in the first position on the screen; None where nobody wrote it down: in an
-            imported session, and in one kept before sides were drawn, which showed A first.
-        repeat_of: Index of the query that this one asks again.
-        instructed: What a check tells the person to choose.
-    """
-
-    query_index: int
-    phase: Phase
-    proposed: ProposedQuery
-    clips: dict[str, str]
-    code_version: str
-    compute_ms: float | None
-    first_shown: Choice | None
-    repeat_of: int | None = None
-    instructed: Position | None = None
-
-    @property
-    def side_shown_first(self) -> Choice:
-        """Returns the trajectory that stands in the first position: A where nobody wrote it down."""
-        return self.first_shown or Choice.A
-
-
-@dataclass(frozen=True)
-class AnswerGiven:
-    """The person chose.
-
-    Attributes:
-        query_index: The query that was answered.
-        choice: One that the study offers.
-        response_time_ms: As measured in the browser; None for an imported answer whose time nobody wrote down.
-        confidence: How sure the person is, from 1 to 5, where the study asks it.
-    """
-
-    query_index: int
-    choice: Choice
-    response_time_ms: int | None
-    confidence: int | None = None
-
-
-@dataclass(frozen=True)
-class AnswerTakenBack:
-    """The person answers the last query again.
-
-    Attributes:
-        query_index: That query.
-    """
-
-    query_index: int
-
-
-@dataclass(frozen=True)
-class SessionEnded:
-    """The session is over before its path is: the person has stopped, or was away for too long.
-
-    Attributes:
-        ending: `stopped` or `timed-out`.
-    """
-
-    ending: Ending
-
-
-@dataclass(frozen=True)
-class PopulationAdopted:
-    """The session goes on from what the people before taught; so its log alone derives its queries again.
-
-    Attributes:
-        query_index: The first query that is chosen with it.
-        key: Name of the shared model.
-        learned_from: Ids of the sessions that taught it.
-        population: What they taught; None once one of them has been deleted.
-    """
-
-    query_index: int
-    key: str
-    learned_from: tuple[str, ...]
-    population: PopulationPrior | None
-
-
-@dataclass(frozen=True)
-class FeatureLearned:
-    """The session's own answers have taught a feature, with which it goes on.
-
-    Attributes:
-        query_index: The first query that is chosen with it.
-        n_queries: It was learned from the answers to so many first queries.
-        feature: The feature; None if the training diverged, and the session goes on with what it had.
-        code_version: Version of prefstudy that learned it.
-    """
-
-    query_index: int
-    n_queries: int
-    feature: LearnedFeature | None
-    code_version: str
-
-
-Event = (
-    SessionBegun
-    | LanguageChosen
-    | StepTaken
-    | BreakTaken
-    | PopulationAdopted
-    | FeatureLearned
-    | QueryPrepared
-    | AnswerGiven
-    | AnswerTakenBack
-    | SessionEnded
-)
-
-
-@dataclass(frozen=True)
-class FeatureDue:
-    """A feature that is to be learned.
-
-    Attributes:
-        n_queries: From the answers to so many first queries.
-        query_index: The first query that is chosen with it.
-    """
-
-    n_queries: int
-    query_index: int
 
 
 class Action(StrEnum):
@@ -508,65 +324,6 @@ def _take_back(study: Study, state: SessionState, event: AnswerTakenBack) -> Ses
     if before is None or not can_take_back(study, state) or event.query_index != before.query_index:
         raise SessionError(f"Expected the last answer, and that once; query {event.query_index} isn't it.")
     return replace(before, n_events=state.n_events, language=state.language, last_break=state.last_break)
-
-
-def compared(state: SessionState, n_queries: int) -> Compared:
-    """Returns what the answers to the first active queries compared, as far as they say something."""
-    asked = zip(state.prepared[:n_queries], state.answers[:n_queries], strict=False)
-    queries = [
-        prepared.proposed.query
-        for prepared, given in asked
-        if prepared.phase is Phase.ACTIVE and given.choice.is_informative
-    ]
-    known = state.comparisons
-    comparisons = ComparisonSet(known.feature_diffs[: len(queries)], known.signs[: len(queries)])
-    controls = [np.stack([query.controls_a, query.controls_b]) for query in queries]
-    return Compared(comparisons, np.array(controls))
-
-
-def known_comparisons(study: Study, state: SessionState) -> ComparisonSet:
-    """Returns the answers that inform the posterior, in the features that the session goes on with."""
-    has_feature = state.knowledge.feature is not None
-    asked = compared(state, len(state.answers)) if has_feature else None
-    return state.knowledge.add_to(study.domain, state.comparisons, asked)
-
-
-def test_comparisons(study: Study, state: SessionState) -> ComparisonSet:
-    """Returns the answers to the common test queries that prefer one, in the features that the session ended with."""
-    answered = [
-        (prepared.proposed.query, given.choice)
-        for prepared, given in zip(state.prepared, state.answers, strict=False)
-        if prepared.phase is Phase.TEST and given.choice.sign != 0.0
-    ]
-    comparisons = ComparisonSet.empty(len(study.domain.feature_names))
-    for query, choice in answered:
-        comparisons = comparisons.append(query, choice)
-    feature, domain = state.knowledge.feature, study.domain
-    if feature is None or not answered:
-        return comparisons
-    sides = [[query.controls_a for query, _ in answered], [query.controls_b for query, _ in answered]]
-    of_a, of_b = (feature.of_trajectories(domain, domain.rollout(np.array(side))) for side in sides)
-    return ComparisonSet(np.column_stack([comparisons.feature_diffs, of_a - of_b]), comparisons.signs)
-
-
-def feature_due(study: Study, state: SessionState, query_index: int) -> FeatureDue | None:
-    """Returns the feature that is to be learned before a query is chosen, if one is."""
-    every = study.file.learning.feature_every
-    plan = session_plan(study, state)
-    if every is None or not plan.needs_posterior(query_index):
-        return None
-    n_active = study.protocol.active_queries
-    n_learned = n_learned_from(every, n_active, plan.n_active_before(query_index))
-    if not n_learned:
-        return None
-    due = FeatureDue(plan.index_of_active(n_learned), plan.index_of_active(n_learned + LEAD))
-    n_preferring = sum(
-        given.choice.sign != 0.0
-        for slot, given in zip(plan.slots[: due.n_queries], state.answers, strict=False)
-        if slot.phase is Phase.ACTIVE
-    )
-    is_due = due.n_queries > state.n_queries_learned and n_preferring >= FEWEST_ANSWERS
-    return due if is_due else None
 
 
 def query_of(state: SessionState, query_index: int) -> Query:

@@ -12,13 +12,7 @@ import numpy as np
 
 from study_core.comparison import Choice, Query
 from study_core.errors import CheckpointError, SessionError
-from study_core.networks import checkpoint
-from study_core.online.feature import LearnedFeature
-from study_core.path import Ending
-from study_core.plan import Phase, Position
-from study_core.posterior.population import PopulationPrior
-from study_core.queries import Imported, ProposedQuery, Provenance
-from study_core.session import (
+from study_core.events import (
     AnswerGiven,
     AnswerTakenBack,
     BreakTaken,
@@ -32,6 +26,12 @@ from study_core.session import (
     StepOutcome,
     StepTaken,
 )
+from study_core.networks import checkpoint
+from study_core.online.feature import LearnedFeature
+from study_core.path import Ending
+from study_core.plan import Phase, Position
+from study_core.posterior.population import PopulationPrior
+from study_core.queries import Imported, ProposedQuery, Provenance
 
 Json = dict[str, Any]
 

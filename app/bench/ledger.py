@@ -11,8 +11,8 @@ from app.stage.framing import Layout
 from app.store import Store, open_store
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.plan import position_of
-from study_core.session import AnswerGiven, QueryPrepared
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from functools import cached_property
 from typing import Any, Literal, Protocol
 
 from study_core.comparison import ComparisonSet
+from study_core.events import FeatureLearned, QueryPrepared
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.feature import Compared
 from study_core.posterior.run import Posterior
 from study_core.queries import Participant, ProposedQuery
-from study_core.session import FeatureLearned, QueryPrepared
 
 VERSION = "continuation-4"
 

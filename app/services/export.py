@@ -22,18 +22,11 @@ from app.store import (
 )
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.events import AnswerGiven, AnswerTakenBack, Event, QueryPrepared, StepTaken
 from study_core.path import questionnaire_of
 from study_core.plan import position_of
 from study_core.queries import Imported, Provenance
-from study_core.session import (
-    AnswerGiven,
-    AnswerTakenBack,
-    Event,
-    QueryPrepared,
-    SessionState,
-    StepTaken,
-    reduce,
-)
+from study_core.session import SessionState, reduce
 from study_core.study import Study, parse_study
 
 People = Literal["real", "rehearsed", "imported", "all"]

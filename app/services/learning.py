@@ -5,8 +5,9 @@ from __future__ import annotations
 from app.services.computations import has_succeeded
 from app.services.continuation import Computation, FeatureRequest
 from app.services.runtime import LiveSession, Runtime
+from study_core.learning import compared, feature_due
 from study_core.online.schedule import LEAD
-from study_core.session import SessionState, compared, feature_due, session_plan
+from study_core.session import SessionState, session_plan
 
 # Before the models of people who have finished, which nobody is going to wait for.
 _URGENCY = 0.0

@@ -11,6 +11,15 @@ from app.services import preparation
 from app.services.runtime import LiveSession, Runtime
 from app.services.study import Screen, screen_of
 from app.store import PositionTakenError
+from study_core.events import (
+    AnswerTakenBack,
+    BreakTaken,
+    Event,
+    LanguageChosen,
+    SessionEnded,
+    StepOutcome,
+    StepTaken,
+)
 from study_core.path import (
     ConsentStep,
     Ending,
@@ -21,18 +30,7 @@ from study_core.path import (
     text_of,
 )
 from study_core.questionnaire import Checked, Problem, check, is_right, screens_out
-from study_core.session import (
-    Action,
-    AnswerTakenBack,
-    BreakTaken,
-    Event,
-    LanguageChosen,
-    SessionEnded,
-    StepOutcome,
-    StepTaken,
-    can_take_back,
-    next_action,
-)
+from study_core.session import Action, can_take_back, next_action
 from study_core.study import Study
 
 Form = Mapping[str, Sequence[str]]

@@ -12,11 +12,11 @@ from typing import Protocol
 
 from app.store.records import EventRecord, PosteriorRecord, SessionRecord
 from study_core import session_codec
+from study_core.events import Event, SessionBegun
 from study_core.plan import Phase
 from study_core.predictors.predictor import Training
 from study_core.preferences import preferences
 from study_core.queries import Participant
-from study_core.session import Event, SessionBegun
 from study_core.study import Study, parse_study
 
 

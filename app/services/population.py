@@ -22,9 +22,9 @@ from app.services.people import ActiveAnswers, is_finished, person, study_of
 from app.store.errors import SessionDeletedError
 from app.store.records import ModelRecord, SessionRecord, Source
 from study_core import session_codec
+from study_core.events import PopulationAdopted
 from study_core.predictors.hand_coded_population import VERSION
 from study_core.predictors.linear_people import ComparedFeatures
-from study_core.session import PopulationAdopted
 from study_core.study import Study
 
 KIND = "population"

@@ -14,23 +14,12 @@ from app.services.runtime import LiveSession, Runtime
 from app.store import PopulationWithdrawnError, PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
+from study_core.events import AnswerGiven, BreakTaken, Event, FeatureLearned, QueryPrepared
+from study_core.learning import compared
 from study_core.plan import Phase
 from study_core.posterior.run import Posterior
 from study_core.queries import ProposedQuery
-from study_core.session import (
-    Action,
-    AnswerGiven,
-    BreakTaken,
-    Event,
-    FeatureLearned,
-    QueryPrepared,
-    SessionState,
-    apply,
-    compared,
-    needs_query,
-    next_action,
-    session_plan,
-)
+from study_core.session import Action, SessionState, apply, needs_query, next_action, session_plan
 
 log = logging.getLogger(__name__)
 

@@ -19,10 +19,11 @@ from app.services.summary import Json, summarise
 from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
+from study_core.events import MOST_CONFIDENT, AnswerGiven, QueryPrepared
+from study_core.learning import known_comparisons
 from study_core.participants import NO_HABITS, Habits, SimulatedPerson, alignment, draw_person
 from study_core.plan import choice_at
 from study_core.queries import Provenance, infer_posterior
-from study_core.session import MOST_CONFIDENT, AnswerGiven, QueryPrepared, known_comparisons
 from study_core.streams import stream
 from study_core.study import Study
 

@@ -18,15 +18,10 @@ from app.settings import find_study
 from study_core import session_codec
 from study_core.comparison import Choice
 from study_core.errors import ScriptError, StudyError
+from study_core.events import AnswerGiven, FeatureLearned, PopulationAdopted, QueryPrepared
 from study_core.queries import Participant
 from study_core.replay import first_difference
-from study_core.session import (
-    AnswerGiven,
-    FeatureLearned,
-    PopulationAdopted,
-    QueryPrepared,
-    reduce,
-)
+from study_core.session import reduce
 from study_core.study import Study, parse_study
 
 

@@ -16,8 +16,9 @@ from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.events import Event
 from study_core.queries import ProposedQuery
-from study_core.session import Event, SessionState, apply, reduce
+from study_core.session import SessionState, apply, reduce
 from study_core.study import Study, parse_study
 
 _MOST_LIVE_SESSIONS = 2000

@@ -17,15 +17,12 @@ from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
 from app.store import NewReport, PopulationWithdrawnError, PositionTakenError, SessionRecord, Source
 from study_core.comparison import Choice
+from study_core.events import MOST_CONFIDENT, AnswerGiven, PopulationAdopted, SessionBegun
 from study_core.path import PracticeStep
 from study_core.plan import Position, choice_at
 from study_core.queries import Participant
 from study_core.session import (
-    MOST_CONFIDENT,
     Action,
-    AnswerGiven,
-    PopulationAdopted,
-    SessionBegun,
     SessionState,
     apply,
     can_take_back,

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from app.services.runtime import Runtime
 from study_core import session_codec
 from study_core.evaluation.metrics import accuracy
-from study_core.session import SessionState, test_comparisons
+from study_core.learning import test_comparisons
+from study_core.session import SessionState
 from study_core.study import Study
 
 Json = dict[str, Any]

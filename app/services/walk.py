@@ -8,9 +8,10 @@ from app.errors import AppError
 from app.services import path
 from app.services import study as services
 from app.services.runtime import Runtime
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.path import questionnaire_of
 from study_core.questionnaire import example_answer
-from study_core.session import AnswerGiven, QueryPrepared, current_step
+from study_core.session import current_step
 
 Answerer = Callable[[QueryPrepared], AnswerGiven]
 """Takes a prepared query; gives the answer to it, with a response time."""

@@ -7,7 +7,7 @@ from app.services.tokens import hash_token
 from app.stage.framing import Layout
 from app.store import open_store
 from study_core import session_codec
-from study_core.session import AnswerGiven, QueryPrepared
+from study_core.events import AnswerGiven, QueryPrepared
 
 N_ANSWERS = 2
 

@@ -13,7 +13,7 @@ from app.settings import find_study
 from app.store import EventRecord, SessionRecord, Store, open_store
 from study_core import session_codec
 from study_core.comparison import Choice, Query
-from study_core.session import QueryPrepared
+from study_core.events import QueryPrepared
 from tests.support.server import ServerProcess
 
 STUDY = find_study("quickstart")

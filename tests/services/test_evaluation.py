@@ -16,7 +16,7 @@ from app.services.walk import walk
 from app.settings import find_study
 from app.store import Store
 from study_core.comparison import Choice
-from study_core.session import AnswerGiven
+from study_core.events import AnswerGiven
 from tests.support.published import write_person
 
 QUICKSTART = find_study("quickstart")

@@ -18,7 +18,7 @@ from app.services.walk import walk
 from app.settings import find_study
 from app.store import ExternalPerson, NewEvent, Source, Store, open_store
 from study_core.errors import ScriptError
-from study_core.session import AnswerGiven, QueryPrepared
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.study import parse_study
 
 QUICKSTART = find_study("quickstart")

@@ -21,9 +21,10 @@ from app.services.study import Outcome
 from app.services.walk import walk
 from app.settings import find_study
 from study_core.comparison import Choice
+from study_core.events import AnswerGiven, FeatureLearned
+from study_core.learning import compared
 from study_core.online.learn import learn_feature
 from study_core.participants import Habits
-from study_core.session import AnswerGiven, FeatureLearned, compared
 from study_core.session_codec import from_json
 from study_core.study import Study, parse_study
 

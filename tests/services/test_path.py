@@ -22,10 +22,10 @@ from app.services.walk import walk
 from app.settings import find_study
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.participants import Habits
 from study_core.path import Ending
 from study_core.plan import Phase, Position, position_of
-from study_core.session import AnswerGiven, QueryPrepared
 from study_core.study import Study, parse_study
 
 STUDY = find_study("full-path")

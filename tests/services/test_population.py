@@ -27,10 +27,10 @@ from app.store import Store, open_store
 from app.training import fit_population
 from study_core import session_codec
 from study_core.errors import ScriptError
+from study_core.events import PopulationAdopted
 from study_core.predictors.hand_coded_population import learn_population_prior
 from study_core.predictors.linear_people import ComparedFeatures
 from study_core.queries import infer_posterior
-from study_core.session import PopulationAdopted
 from study_core.study import Study, parse_study
 from tests.services.test_people import spoil_test_answers
 

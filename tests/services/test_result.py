@@ -14,7 +14,7 @@ from app.services.runtime import Runtime
 from app.services.walk import Answerer, walk
 from app.settings import find_study
 from study_core.comparison import Choice
-from study_core.session import AnswerGiven, QueryPrepared
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.streams import stream
 
 STUDY = find_study("full-path")

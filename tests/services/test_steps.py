@@ -12,9 +12,9 @@ from app.services import study as services
 from app.services.runtime import Runtime
 from app.settings import find_study
 from study_core import session_codec
+from study_core.events import StepOutcome, StepTaken
 from study_core.path import Ending
 from study_core.questionnaire import Problem
-from study_core.session import StepOutcome, StepTaken
 
 FULL_PATH = find_study("full-path")
 YES = {path.ACCEPT: ["yes"]}

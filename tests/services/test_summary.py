@@ -9,9 +9,10 @@ import numpy as np
 from app.services.summary import test_accuracy as accuracy_of_session
 from app.settings import find_study
 from study_core.comparison import Choice, ComparisonSet, Query
+from study_core.events import AnswerGiven, QueryPrepared
 from study_core.knowledge import Knowledge
 from study_core.plan import Phase
-from study_core.session import AnswerGiven, QueryPrepared, SessionState
+from study_core.session import SessionState
 from tests.study_core.made_up import learned_feature, prepared
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 
 from study_core.comparison import Choice, Query
+from study_core.events import QueryPrepared
 from study_core.networks.checkpoint import Checkpoint, Lineage
 from study_core.networks.config import NetworkConfig
 from study_core.networks.model import initial_networks
 from study_core.online.feature import N_FOLDS, LearnedFeature
 from study_core.plan import Phase
 from study_core.queries import ProposedQuery, Provenance
-from study_core.session import QueryPrepared
 
 
 def proposed(index, n_features=4, seed=0):

@@ -7,9 +7,9 @@ import pytest
 
 from study_core.comparison import Choice
 from study_core.domain import domain_named
+from study_core.events import AnswerGiven, AnswerTakenBack, BreakTaken, SessionBegun
 from study_core.plan import Phase
 from study_core.preferences import preferences
-from study_core.session import AnswerGiven, AnswerTakenBack, BreakTaken, SessionBegun
 from tests.study_core.made_up import prepared, proposed
 
 DRIVING = domain_named("driving-v1")

@@ -9,11 +9,12 @@ from app.settings import find_study
 from study_core.comparison import Choice
 from study_core.domains.driving import DRIVING_V1
 from study_core.errors import PublishedDataError
+from study_core.events import AnswerGiven, QueryPrepared, SessionBegun
 from study_core.plan import Phase
 from study_core.published import find_files, read_person
 from study_core.published_session import read_session
 from study_core.queries import Imported
-from study_core.session import Action, AnswerGiven, QueryPrepared, SessionBegun, next_action, reduce
+from study_core.session import Action, next_action, reduce
 from tests.support.published import write_person
 
 PROTOCOL = find_study("katz2021-code")

@@ -9,24 +9,12 @@ from hypothesis import strategies as st
 
 from study_core.comparison import Choice
 from study_core.errors import AnswerNotCurrentError, SessionError
+from study_core.events import AnswerGiven, FeatureLearned, PopulationAdopted, SessionBegun
 from study_core.knowledge import NOTHING, Knowledge
+from study_core.learning import FeatureDue, compared, feature_due
 from study_core.plan import Phase
 from study_core.posterior.population import PopulationPrior
-from study_core.session import (
-    Action,
-    AnswerGiven,
-    FeatureDue,
-    FeatureLearned,
-    PopulationAdopted,
-    SessionBegun,
-    apply,
-    compared,
-    feature_due,
-    initial_state,
-    next_action,
-    query_of,
-    reduce,
-)
+from study_core.session import Action, apply, initial_state, next_action, query_of, reduce
 from study_core.study import parse_study
 from tests.study_core.made_up import learned_feature, prepared
 from tests.study_core.references import study_text

@@ -13,18 +13,12 @@ from hypothesis.extra.numpy import arrays
 from study_core import session_codec
 from study_core.comparison import Choice, Query
 from study_core.errors import SessionError
-from study_core.online.feature import LearnedFeature
-from study_core.path import Ending
-from study_core.plan import Position
-from study_core.posterior.population import PopulationPrior
-from study_core.queries import Imported, ProposedQuery
-from study_core.session import (
+from study_core.events import (
     AnswerGiven,
     AnswerTakenBack,
     BreakTaken,
     FeatureLearned,
     LanguageChosen,
-    Phase,
     PopulationAdopted,
     QueryPrepared,
     SessionBegun,
@@ -32,6 +26,12 @@ from study_core.session import (
     StepOutcome,
     StepTaken,
 )
+from study_core.online.feature import LearnedFeature
+from study_core.path import Ending
+from study_core.plan import Position
+from study_core.posterior.population import PopulationPrior
+from study_core.queries import Imported, ProposedQuery
+from study_core.session import Phase
 from tests.study_core.made_up import learned_feature, prepared, proposed
 
 IMPORTED = Imported("test10.jld2", "5a" * 32, 74)

@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from study_core.comparison import Choice
 from study_core.errors import AnswerNotCurrentError, SessionError
-from study_core.knowledge import Knowledge
-from study_core.path import Ending
-from study_core.plan import Phase, plan_of
-from study_core.posterior.population import PopulationPrior
-from study_core.session import (
-    Action,
+from study_core.events import (
     AnswerGiven,
     AnswerTakenBack,
     BreakTaken,
@@ -25,13 +20,12 @@ from study_core.session import (
     SessionEnded,
     StepOutcome,
     StepTaken,
-    apply,
-    can_take_back,
-    current_step,
-    initial_state,
-    next_action,
-    reduce,
 )
+from study_core.knowledge import Knowledge
+from study_core.path import Ending
+from study_core.plan import Phase, plan_of
+from study_core.posterior.population import PopulationPrior
+from study_core.session import Action, apply, can_take_back, current_step, initial_state, next_action, reduce
 from study_core.study import parse_study
 from tests.study_core.made_up import learned_feature, prepared
 from tests.study_core.references import study_text

@@ -16,14 +16,16 @@ from app.store import Store, open_store
 from app.training import PERSONAL_NETWORK
 from study_core import session_codec
 from study_core.comparison import ComparisonSet
+from study_core.events import FeatureLearned, PopulationAdopted
 from study_core.knowledge import Knowledge
+from study_core.learning import compared
 from study_core.networks.checkpoint import from_bytes
 from study_core.online.learn import learn_feature
 from study_core.predictors.hand_coded_population import learn_population_prior
 from study_core.predictors.linear_people import ComparedFeatures
 from study_core.predictors.personal_network import PersonalNetwork, model_of
 from study_core.queries import infer_posterior
-from study_core.session import FeatureLearned, PopulationAdopted, compared, reduce
+from study_core.session import reduce
 from study_core.study import parse_study
 from tests.support.screens import screens
 from tests.support.server import ServerProcess, kill_process, running_server
