@@ -321,8 +321,6 @@ def moment(hours: float) -> str:
         ("opens = 2099-12-01T09:00:00+01:00", 403, ["Tuesday, December 1, 2099", "9:00", "GMT+01:00"]),
         ("closes = 2020-12-01T09:00:00+01:00", 410, ["closed", "browser that you used then"]),
     ],
-    # The moments differ from one of the tests' processes to the next.
-    ids=["opens", "closes"],
 )
 def test_a_study_that_takes_nobody_says_so_and_says_what_to_do(
     opened: Opener, sections: str, status: int, said: list[str]
