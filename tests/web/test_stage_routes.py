@@ -125,13 +125,13 @@ def test_a_layout_is_noted_before_there_is_a_stage_and_nothing_else_is(
     server: ServerProcess, client: httpx.Client
 ) -> None:
     fresh = join(server)
-    assert client.post(f"/s/{fresh}/stage", json={"action": "tall"}).status_code == 204
+    assert client.post(f"/s/{fresh}/stage", json={"action": "tall"}).status_code == 200
     assert client.post(f"/s/{fresh}/stage", json={"action": "pause"}).status_code == 409
     with opened(server, fresh) as connection:
         connection.send(CAMERA)
         connection.recv(timeout=60)
         for action in ("pause", "resume", "replay", "wide"):
-            assert client.post(f"/s/{fresh}/stage", json={"action": action}).status_code == 204
+            assert client.post(f"/s/{fresh}/stage", json={"action": action}).status_code == 200
         assert next(screens(client, f"/s/{fresh}/"))["stage_viewers"] == 1
 
 
