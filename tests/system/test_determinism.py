@@ -17,6 +17,8 @@ from study_core.participants import Habits
 from tests.support.screens import screens
 from tests.support.server import running_server
 
+POSITIONS = ("first", "second", "second")
+
 
 def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp_path: Path) -> None:
     with running_server(tmp_path) as server, httpx.Client(base_url=server.url, timeout=30.0) as client:
@@ -24,8 +26,8 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
         for screen in screens(client, home):
             if screen["kind"] == "question":
                 index = screen["query_index"]
-                body = {"query_index": index, "choice": "abb"[index % 3], "response_time_ms": 800}
-                client.post(home + "answer", json=body)
+                body = {"query_index": index, "choice": POSITIONS[index % 3], "response_time_ms": 800}
+                client.post(home + "answer", json=body).raise_for_status()
         database = server.database
     with open_store(database) as store:
         export(store, tmp_path / "out", "jsonl", "real", lambda: None)

@@ -62,7 +62,7 @@ class Person(threading.Thread):
     def _step(self, screen: Screen) -> Screen:
         if screen["kind"] == "preparing":
             return self._insist(lambda: self._hear(after=screen["position"]))
-        index, choice = screen["query_index"], self._random.choice("ab")
+        index, choice = screen["query_index"], self._random.choice(("first", "second"))
         time.sleep(self._random.uniform(0.2, 1.0))
         body = {"query_index": index, "choice": choice, "response_time_ms": 700}
         receipt = self._insist(lambda: self._post(body))
@@ -120,10 +120,14 @@ def assert_nothing_lost_or_doubled(server: ServerProcess, person: Person) -> Non
     with open_store(server.database) as store:
         (record,) = store.sessions()
         answers = [e.payload for e in store.events(record.id) if e.kind == "answer_given"]
-        queries = [e.payload["query_index"] for e in store.events(record.id) if e.kind == "query_prepared"]
+        asked = [e.payload for e in store.events(record.id) if e.kind == "query_prepared"]
     assert [answer["query_index"] for answer in answers] == list(range(100))
-    assert queries == list(range(100))
-    assert {answer["query_index"]: answer["choice"] for answer in answers} == person.acknowledged
+    assert [query["query_index"] for query in asked] == list(range(100))
+    stored = {
+        answer["query_index"]: "first" if answer["choice"] == query["first_shown"] else "second"
+        for answer, query in zip(answers, asked, strict=True)
+    }
+    assert stored == person.acknowledged
 
 
 def test_killing_the_server_loses_and_doubles_nothing(tmp_path: Path, study_file: str) -> None:

@@ -59,7 +59,7 @@ def answer_everything(server: ServerProcess, name: str, n_queries: int) -> None:
         home = client.post(f"/join/{name}", content=b"").headers["location"]
         for index in range(n_queries):
             next(screen for screen in screens(client, home) if screen["query_index"] == index)
-            body = {"query_index": index, "choice": "ab"[index % 2], "response_time_ms": 900}
+            body = {"query_index": index, "choice": ("first", "second")[index % 2], "response_time_ms": 900}
             client.post(f"{home}answer", json=body).raise_for_status()
 
 
