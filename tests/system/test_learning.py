@@ -55,12 +55,23 @@ def online_study_in(folder: Path) -> str:
 
 
 def answer_everything(server: ServerProcess, name: str, n_queries: int) -> None:
-    with httpx.Client(base_url=server.url, timeout=60.0) as client:
+    """Answers as somebody who cares for the first feature alone."""
+    with httpx.Client(base_url=server.url, timeout=60.0) as client, open_store(server.database) as store:
         home = client.post(f"/join/{name}", content=b"").headers["location"]
         for index in range(n_queries):
             next(screen for screen in screens(client, home) if screen["query_index"] == index)
-            body = {"query_index": index, "choice": ("first", "second")[index % 2], "response_time_ms": 900}
+            body = {"query_index": index, "choice": liked(store, index), "response_time_ms": 900}
             client.post(f"{home}answer", json=body).raise_for_status()
+
+
+def liked(store: Store, query_index: int) -> str:
+    """Returns where the trajectory stands, of the newest person's query, that has more of the first feature."""
+    events = store.events(store.sessions()[-1].id)
+    asked = next(
+        e.payload for e in events if e.payload.get("first_shown") and e.payload["query_index"] == query_index
+    )
+    best = "a" if asked["query"]["features_a"][0] > asked["query"]["features_b"][0] else "b"
+    return "first" if best == asked["first_shown"] else "second"
 
 
 def arrived(store: Store, session_id: str) -> bytes:
