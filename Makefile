@@ -26,7 +26,7 @@ check: .venv/dev.stamp chromium node_modules/axe.stamp ## Format, lint, types, i
 	$(PYTEST) -m "not slow and not browser"
 	$(BIN)/pytest -m "browser and not slow" # one at a time: a browser that draws in software needs a core of its own
 
-check-slow: .venv/bench.stamp chromium ## The slow tests: calibration, kills, whole sessions
+check-slow: .venv/bench.stamp chromium node_modules/axe.stamp ## The slow tests: calibration, kills, whole sessions
 	$(BIN)/pytest -m slow
 
 bench: .venv/bench.stamp ## Measure queries, drives, posterior, training and server beside their alternatives; prints JSON

@@ -80,6 +80,7 @@ def test_by_mouse_on_a_wide_screen(full_path: ServerProcess, open_page: OpenPage
     assert set(first_shown) == {"a", "b"}
 
 
+@pytest.mark.slow
 def test_with_nothing_but_the_keyboard(full_path: ServerProcess, open_page: OpenPage) -> None:
     walker = joined(open_page, full_path, Keyboard(), **SMALL)
     walker.walks()
@@ -95,6 +96,7 @@ def test_by_touch_on_a_small_phone(full_path: ServerProcess, open_page: OpenPage
     went_the_whole_way(walker)
 
 
+@pytest.mark.slow
 def test_in_the_second_language(full_path: ServerProcess, open_page: OpenPage) -> None:
     walker = joined(open_page, full_path, Mouse(), "?lang=de", **SMALL)
     seen = []
@@ -170,6 +172,7 @@ def reaches_the_queries(walker: Walker) -> None:
     walker.walks(until=lambda place: place == "trial" and "break" in walker.visited)
 
 
+@pytest.mark.slow
 def test_stopping_keeps_the_answers(full_path: ServerProcess, open_page: OpenPage) -> None:
     walker = joined(open_page, full_path, Mouse(), **SMALL)
     reaches_the_queries(walker)
@@ -185,6 +188,7 @@ def test_stopping_keeps_the_answers(full_path: ServerProcess, open_page: OpenPag
     assert sum(event.kind == "answer_given" for event in events) == n_answers
 
 
+@pytest.mark.slow
 def test_stopping_with_deletion_leaves_nothing_but_a_tombstone(tmp_path: Path, open_page: OpenPage) -> None:
     external_id = "prolific-5f2a9c-whom-nobody-else-knows"
     with running_server(tmp_path, STUDY.name) as server:

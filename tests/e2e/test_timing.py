@@ -12,7 +12,7 @@ from tests.e2e.conftest import OpenPage
 from tests.e2e.person import N_QUERIES, Person, join
 from tests.support.server import ServerProcess
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 # In the stage's frame: three.js calls `onAfterRender` of a mesh when it has drawn it. The first time that happens to
 # a mesh, the animation frame's own time is written down.
