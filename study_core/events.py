@@ -80,7 +80,8 @@ class QueryPrepared:
         query_index: From 0.
         phase: Whether its answer informs the posterior.
         proposed: The query and its provenance.
-        clips: SHA-256 of the clip in each picture layout: what exactly is shown.
+        clips: SHA-256 of the clip in each picture layout: what exactly is shown, but for the marks at its edge by
+            which a page knows it.
         code_version: Version of prefstudy that computed or imported it.
         compute_ms: What it cost, one core; None for an imported query.
         first_shown: The trajectory in the first position on the screen; None where nobody wrote it down: in an

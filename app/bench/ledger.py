@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import defaultdict
 from dataclasses import dataclass
 
 from app.bench.browser import Diary, SentAnswer
+from app.continuation import scenes
 from app.services.tokens import hash_token
+from app.stage.clip import N_FLAGS, build_clip
 from app.stage.framing import Layout
 from app.store import Store, open_store
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.domain import Domain
 from study_core.events import AnswerGiven, QueryPrepared
 from study_core.plan import position_of
+from study_core.study import parse_study
 
 
 @dataclass(frozen=True)
@@ -57,17 +62,31 @@ class _Log:
 
     def __init__(self, store: Store, token: str) -> None:
         self.choices: dict[int, list[str]] = defaultdict(list)
-        self.clips: dict[int, str] = {}
+        self.clips: dict[int, set[str]] = {}
         sides: dict[int, Choice | None] = {}
         session = store.session_by_token(hash_token(token))
-        for record in store.events(session.id) if session is not None else ():
+        if session is None:
+            return
+        study = parse_study(store.study_text(session.study_hash))
+        for record in store.events(session.id):
             event = session_codec.from_json(record.kind, record.payload)
             if isinstance(event, AnswerGiven):
                 position = position_of(sides[event.query_index], event.choice)
                 self.choices[event.query_index].append(position or event.choice)
             elif isinstance(event, QueryPrepared):
                 sides[event.query_index] = event.first_shown
-                self.clips[event.query_index] = event.clips[Layout.WIDE.value]
+                self.clips[event.query_index] = _digests(study.domain, event)
+
+
+def _digests(domain: Domain, prepared: QueryPrepared) -> set[str]:
+    """Returns the SHA-256 of every clip that shows a query from its beginning: they differ in their flags alone."""
+    first, second = scenes(domain, prepared.proposed.query, prepared.first_shown or Choice.A)
+    return {
+        hashlib.sha256(
+            build_clip(first, second, Layout.WIDE, mark=prepared.query_index, flag=flag)
+        ).hexdigest()
+        for flag in range(1, N_FLAGS + 1)
+    }
 
 
 def _audit_one(log: _Log, answers: list[SentAnswer], arrivals: dict[tuple[str, str], list[float]]) -> Audit:
@@ -79,7 +98,8 @@ def _audit_one(log: _Log, answers: list[SentAnswer], arrivals: dict[tuple[str, s
         next_clip = log.clips.get(answer.query_index + 1)
         if next_clip is None:
             continue
-        shown_at = [at for at in arrivals[answer.token, next_clip] if at > answer.sent_at]
+        came = [at for digest in next_clip for at in arrivals[answer.token, digest]]
+        shown_at = [at for at in came if at > answer.sent_at]
         if shown_at:
             waits_ms.append(1e3 * (min(shown_at) - answer.sent_at))
         else:

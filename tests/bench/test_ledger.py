@@ -1,12 +1,17 @@
+import hashlib
+
 import pytest
 
 from app.bench.browser import Diary, SentAnswer, ShownClip
 from app.bench.ledger import audit
 from app.bench.walk import walk_session
 from app.services.tokens import hash_token
+from app.stage.clip import build_clip
 from app.stage.framing import Layout
 from app.store import open_store
 from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.domains.driving.domain import DRIVING_V1
 from study_core.events import AnswerGiven, QueryPrepared
 
 N_ANSWERS = 2
@@ -27,7 +32,15 @@ def walked(tmp_path_factory):
         "first" if choice is query.first_shown else "second"
         for choice, query in zip(chosen, queries, strict=False)
     ]
-    return database, token, positions, [query.clips[Layout.WIDE.value] for query in queries]
+    return database, token, positions, [arrived(query) for query in queries]
+
+
+def arrived(query):
+    """The digest of a query's clip as a stage sends it, with some flag."""
+    a, b = (DRIVING_V1.scene(getattr(query.proposed.query, side)) for side in ("controls_a", "controls_b"))
+    first, second = (a, b) if query.first_shown is Choice.A else (b, a)
+    clip = build_clip(first, second, Layout.WIDE, mark=query.query_index, flag=1 + query.query_index)
+    return hashlib.sha256(clip).hexdigest()
 
 
 def sent(token, query_index, choice):
