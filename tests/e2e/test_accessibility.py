@@ -75,6 +75,8 @@ class Inspector:
                 page.locator("form[data-keeps] .begin").click()
                 page.locator("#summary").wait_for()
                 self._note(f"{name}, to mend, {look}", page)
+            # A page that stays open follows the session by itself.
+            page.goto("about:blank")
 
     def _note(self, name: str, page: Page) -> None:
         wrong = barriers(page)
