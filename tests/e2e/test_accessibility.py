@@ -14,7 +14,7 @@ from tests.e2e.conftest import OpenPage
 from tests.support.server import ServerProcess, running_server
 from tests.support.wayfarer import Wayfarer
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
+pytestmark = pytest.mark.browser
 
 STUDY = find_study("full-path")
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
