@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
@@ -135,9 +135,13 @@ class TextItem(Section):
     longest: int = Field(5000, ge=1, le=20_000, description="Most characters.")
 
 
-def _kind_of_item(value: Any) -> str:
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    return f"<{kind}>"
+def _told_by(key: str) -> Callable[[Any], str]:
+    """Returns what reads off a key which kind of section a value is."""
+
+    def tag(value: Any) -> str:
+        return f"<{value.get(key) if isinstance(value, dict) else getattr(value, key, None)}>"
+
+    return tag
 
 
 Item = Annotated[
@@ -147,7 +151,7 @@ Item = Annotated[
     | Annotated[ChoiceItem, Tag("<choice>")]
     | Annotated[TextItem, Tag("<text>")],
     Discriminator(
-        _kind_of_item,
+        _told_by("kind"),
         custom_error_type="unknown_kind",
         custom_error_message="kind must be number, scale, likert, choice or text",
     ),
@@ -212,11 +216,6 @@ class DebriefStep(Section):
     results: bool = Field(False, description="Shows people what was learned about them.")
 
 
-def _kind_of_step(value: Any) -> str:
-    kind = value.get("step") if isinstance(value, dict) else getattr(value, "step", None)
-    return f"<{kind}>"
-
-
 Step = Annotated[
     Annotated[ConsentStep, Tag("<consent>")]
     | Annotated[TextStep, Tag("<text>")]
@@ -226,7 +225,7 @@ Step = Annotated[
     | Annotated[QuestionnaireStep, Tag("<questionnaire>")]
     | Annotated[DebriefStep, Tag("<debrief>")],
     Discriminator(
-        _kind_of_step,
+        _told_by("step"),
         custom_error_type="unknown_step",
         custom_error_message=(
             "step must be consent, text, instructions, practice, queries, questionnaire or debrief"

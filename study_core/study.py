@@ -16,6 +16,7 @@ from study_core.choice import ResponseModel
 from study_core.comparison import Choice
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
+from study_core.explanation import explain
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.rewards import FEATURE_NAME, rewards_with
 from study_core.path import PracticeStep
@@ -23,7 +24,7 @@ from study_core.posterior.prior import Prior
 from study_core.posterior.run import SamplerSettings
 from study_core.rewards import Rewards
 from study_core.section import words_in
-from study_core.study_file import ProtocolSection, StudyFile, explain
+from study_core.study_file import ProtocolSection, StudyFile
 from study_core.study_folder import with_its_folder
 
 

@@ -80,7 +80,7 @@ class _Log:
 
 def _digests(domain: Domain, prepared: QueryPrepared) -> set[str]:
     """Returns the SHA-256 of every clip that shows a query from its beginning: they differ in their flags alone."""
-    first, second = scenes(domain, prepared.proposed.query, prepared.first_shown or Choice.A)
+    first, second = scenes(domain, prepared.proposed.query, prepared.side_shown_first)
     return {
         hashlib.sha256(
             build_clip(first, second, Layout.WIDE, mark=prepared.query_index, flag=flag)

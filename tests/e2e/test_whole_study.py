@@ -1,4 +1,4 @@
-"""The paper's whole study, 175 queries, by a scripted browser: nothing breaks, nothing grows, nobody waits."""
+"""The paper's whole study, 175 queries, by a scripted browser: nothing breaks; prints the waits and what grows."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_whole_study_in_a_browser(katz2021: ServerProcess, open_page: OpenPa
     report(waits_ms, of_page, of_server)
     assert person.problems == []
     assert len(person.answers()) == STUDY.n_queries
-    # A clip is some 60 kB: a page or a server that kept every one would grow by at least that much a query.
+    # Wide bounds, set by what was seen: they tell of a page or server that keeps every clip (some 60 kB), not of less.
     assert growth_per_query(of_page) < 30_000
     assert growth_per_query(of_server) < 60_000
 
