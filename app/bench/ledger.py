@@ -85,7 +85,7 @@ def _digests(domain: Domain, prepared: QueryPrepared) -> set[str]:
         hashlib.sha256(
             build_clip(first, second, Layout.WIDE, mark=prepared.query_index, flag=flag)
         ).hexdigest()
-        for flag in range(1, N_FLAGS + 1)
+        for flag in range(N_FLAGS)
     }
 
 

@@ -16,6 +16,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
+import dask
 from distributed import Client, Worker
 from distributed.client import Future as DaskFuture
 from distributed.diagnostics.plugin import WorkerPlugin
@@ -65,6 +66,8 @@ class DaskEngine:
         Raises:
             EngineError: It doesn't come up, or isn't there.
         """
+        # Dask keeps its last thousand messages, whole, for whoever debugs it: people's answers among them.
+        dask.config.set({"distributed.admin.low-level-log-length": 0})
         self._lock = threading.RLock()
         self._pending: dict[str, _Pending] = {}
         self._cluster = None if scheduler_address else LocalProcesses(n_workers, n_training_workers)

@@ -1,15 +1,15 @@
 """Turns two scenes into one animated clip: a binary glTF that plays by itself in the browser. Pure.
 
 Everything in a clip, the two sides' cars as well, runs on one clock and loops together:
-first pose held for `LEAD_S`, the drive, last pose held for `TAIL_S`, and again. The first hold also covers
-the moment in which the browser loads a clip before it is revealed (see `app.stage.stage`).
+first pose held for `LEAD_S`, the drive, last pose held for `TAIL_S`, and again.
 
-A clip says itself what it is, by small squares in one of eight colours in the middle of the picture, where the
-page draws the gutter between the sides over them. The *mark* tells which picture it is: the browser draws it in
-the very frame in which it draws the cars, so a page that looks at that one pixel knows the picture's first frame.
-The *flag* lies so far in front that the camera sees it, and nothing else of the clip, while the clip is parked
-behind the scene: by it the page knows that the clip has loaded and may be revealed (see `app.stage.stage` and
-`static/js/stage.js`).
+A clip says itself what it is, by two small squares in one of eight colours in the middle of the picture, where
+the page draws the gutter between the sides over them. The *mark* tells which picture it is, the *flag* which clip
+of it: the browser draws them in the very frame in which it draws the cars, so a page that looks at those two
+pixels knows the first frame of everything that comes on the screen (see `app.stage.stage`, `static/js/stage.js`).
+
+Everything in a clip lies within `LEVEL_Z` of the ground, which lies alike in every clip: so a clip that is this
+much nearer to the viewer hides another one wholly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from app.stage import paint
-from app.stage.framing import Framing, Layout, Placement, frame, half_centres, half_extents
+from app.stage.framing import Framing, Layout, Placement, frame, ground_height, half_centres, half_extents
 from app.stage.gltf import GlbWriter, Packed
 from study_core.scene import Body, Mesh, Scene, Track
 
@@ -31,15 +31,15 @@ LEAD_S = 0.6
 TAIL_S = 0.8
 N_MARKS = 8
 """How many pictures in a row a page can tell apart."""
-N_FLAGS = 7
-"""How many clips in a row a page can tell apart; there is no flag 0, which means that none is to be seen."""
-PARKED_Z = -100.0
-"""Where a clip waits that is not to be seen yet: beyond the camera's far plane, all but its flag."""
-GONE_Z = -200.0
-"""Where a clip goes that is not to be seen any more, its flag included."""
+N_FLAGS = 8
+"""How many clips in a row a page can tell apart."""
+LEVEL_Z = 0.4
+"""How much nearer to the viewer a clip must lie to hide another: more than bodies are tall in any picture, and so
+little that from the camera's distance nothing looks any larger (half a thousandth)."""
 # A looping clip that starts in its middle jumps from the last pose to the first within this time.
 _JUMP_S = 0.001
-_BACKDROP_DEPTH = -8.0
+# Under the lowest of the ground's own layers.
+_BACKDROP_DEPTH = 0.01
 _BACKDROP_REACH = 3.0
 # The page's gutter is wider than the mark on every screen; the mark covers whole pixels on the smallest.
 _MARK_REACH = 0.012
@@ -104,7 +104,7 @@ def build_clip(
     frozen: bool = False,
     speed: float = 1.0,
     mark: int = 0,
-    flag: int = 1,
+    flag: int = 0,
 ) -> bytes:
     """Builds the clip of two scenes.
 
@@ -116,7 +116,7 @@ def build_clip(
         frozen: Whether it stays at that point instead of playing.
         speed: Seconds of the loop per second.
         mark: The picture's number, for its mark.
-        flag: Tells this clip from the one before, from 1 to `N_FLAGS`.
+        flag: The clip's number, for its flag: tells it from others of the same picture.
 
     Returns:
         A GLB file; equal arguments give equal bytes.
@@ -252,27 +252,24 @@ def _add_backdrop(ink: _Ink, colour: str, centre: Float[np.ndarray, " 3"], layou
     outwards = float(np.sign(centre[inner_axis]))
     low, high = -reach, reach.copy()
     low[inner_axis], high[inner_axis] = sorted((0.0, outwards * reach[inner_axis]))
-    _add_rectangle(ink, colour, low, high, _BACKDROP_DEPTH)
+    heights = [ground_height(float(y - centre[1]), layout) - _BACKDROP_DEPTH for y in (low[1], high[1])]
+    _add_rectangle(ink, colour, low, high, *heights)
 
 
 def _add_marks(ink: _Ink, layout: Layout, mark: int, flag: int) -> None:
-    """Marks the middle of the picture, in front of everything, and flies the flag of a clip that is parked.
-
-    What a flag is seen before is a flag 0 of the clip that isn't parked.
-    """
+    """Puts the mark into the middle of the picture and the flag beside it, in front of everything."""
     reach = np.full(2, _MARK_REACH)
     shift = np.array([_FLAG_SHIFT, 0.0]) if layout is Layout.WIDE else np.array([0.0, _FLAG_SHIFT])
-    _add_rectangle(ink, mark_colour(mark), -reach, reach, _MARK_HEIGHT)
-    _add_rectangle(ink, mark_colour(0), shift - reach, shift + reach, _MARK_HEIGHT)
-    _add_rectangle(ink, mark_colour(flag), shift - reach, shift + reach, _MARK_HEIGHT + 1.0 - PARKED_Z)
+    for middle, number in ((np.zeros(2), mark), (shift, flag)):
+        _add_rectangle(ink, mark_colour(number), middle - reach, middle + reach, _MARK_HEIGHT, _MARK_HEIGHT)
 
 
 def _add_rectangle(
-    ink: _Ink, colour: str, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], z: float
+    ink: _Ink, colour: str, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], z0: float, z1: float
 ) -> None:
-    """Adds a rectangle that faces the viewer, in picture coordinates."""
+    """Adds a rectangle in picture coordinates; `z0` and `z1` are how near its lower and upper edges are."""
     (x0, y0), (x1, y1) = low.tolist(), high.tolist()
-    quad = np.array([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y0, z), (x1, y1, z), (x0, y1, z)])
+    quad = np.array([(x0, y0, z0), (x1, y0, z0), (x1, y1, z1), (x0, y0, z0), (x1, y1, z1), (x0, y1, z1)])
     attributes = {"POSITION": ink.writer.accessor(Packed(quad, bounded=True))}
     primitive = {"attributes": attributes, "material": ink.material(colour)}
     mesh = ink.writer.add("meshes", {"primitives": [primitive]})

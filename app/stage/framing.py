@@ -197,10 +197,21 @@ def frame(bounds: Bounds, layout: Layout) -> Framing:
     """
     scale, middle = _fit(_shown(bounds, layout), layout)
     rotation = _rotation(layout)
-    a, b = half_centres(layout)
-    return Framing(
-        layout, Placement(scale, rotation, a - scale * middle), Placement(scale, rotation, b - scale * middle)
-    )
+    # Towards the viewer, only where the ground lies: through the middle of the half, in every picture.
+    middle[2] = ground_height(middle[1], layout)
+    placements = (Placement(scale, rotation, centre - scale * middle) for centre in half_centres(layout))
+    return Framing(layout, *placements)
+
+
+def ground_height(up: float, layout: Layout) -> float:
+    """How far towards the viewer the ground lies, above or below the middle of a half.
+
+    Args:
+        up: How far above the middle, in picture units.
+        layout: Tells how steeply one looks down at the ground.
+    """
+    _, up_part, towards_part = _rotation(layout)[:, 2]
+    return float(-up * up_part / towards_part)
 
 
 def project(points: Float[np.ndarray, "n 3"], layout: Layout) -> Float[np.ndarray, "n 2"]:

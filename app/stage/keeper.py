@@ -28,8 +28,8 @@ class Action(Enum):
     """To a place in the loop, in seconds."""
     SPEED = "speed"
     """In seconds of the loop per second."""
-    LOADED = "loaded"
-    """The clip whose flag is the value has loaded, so it may be revealed."""
+    SEEN = "seen"
+    """The clip whose flag is the value is on the screen."""
     WIDE = "wide"
     TALL = "tall"
     STILL = "still"
@@ -166,7 +166,7 @@ class StageKeeper:
         Args:
             session_id: Whose page.
             action: What it asks.
-            value: For `seek` the place in the loop in seconds, for `speed` 0.5, 1 or 2, for `loaded` the flag.
+            value: For `seek` the place in the loop in seconds, for `speed` 0.5, 1 or 2, for `seen` the flag.
 
         Returns:
             Whether it could be done: without a stage, only the layout and the wish to start still can be noted,
@@ -268,7 +268,7 @@ _DEEDS: dict[Action, Callable[[Stage, float], None]] = {
     Action.RESUME: lambda stage, _: stage.resume(),
     Action.SEEK: lambda stage, position_s: stage.seek(position_s),
     Action.SPEED: lambda stage, speed: stage.set_speed(speed),
-    Action.LOADED: lambda stage, flag: stage.has_loaded(int(flag)),
+    Action.SEEN: lambda stage, flag: stage.see(int(flag)),
 }
 
 
@@ -279,8 +279,8 @@ def _check(action: Action, value: float | None) -> None:
     elif action is Action.SEEK:
         if value is None or not 0.0 <= value <= _LATEST_S:
             raise InvalidActionError(f"Expected a place in the loop from 0 to {_LATEST_S:g} s, got {value}.")
-    elif action is Action.LOADED:
-        if value not in range(1, N_FLAGS + 1):
-            raise InvalidActionError(f"Expected a flag from 1 to {N_FLAGS}, got {value}.")
+    elif action is Action.SEEN:
+        if value not in range(N_FLAGS):
+            raise InvalidActionError(f"Expected a flag from 0 to {N_FLAGS - 1}, got {value}.")
     elif value is not None:
         raise InvalidActionError(f"Expected no value with '{action.value}', got {value}.")

@@ -1,11 +1,10 @@
 """One participant's stage: a viser server on the loopback address that plays one clip at a time.
 
-How clips change without a flicker. viser's browser client parses a GLB asynchronously and shows nothing of it
-until it is done, so replacing a clip under its own name leaves some frames empty. Therefore two names take
-turns: the new clip is added behind the scene, where the camera sees only its flag. When the page has seen the
-flag, the clip has loaded, and is brought forward in the same message batch that moves the old one away. Without
-word from a page that happens after `REVEAL_AT_LATEST_S`. A clip's clock starts when it has loaded, wherever it
-is; a clip holds its first pose for longer than that, and positions for pause and resume account for it.
+How clips change without a flicker, and without waiting. viser's browser client parses a GLB asynchronously and
+shows nothing of it until it is done, so replacing a clip under its own name leaves some frames empty. Therefore a
+new clip is put in front of the old one, which it hides wholly from the very frame in which it has loaded. The page
+sees the flag of the new clip and says so; then the old one is removed and the new one takes its place. Without
+word from a page that happens after `SEEN_AT_LATEST_S`. A clip's clock starts when it has loaded.
 """
 
 from __future__ import annotations
@@ -19,20 +18,20 @@ import rich
 import viser
 
 from app.errors import AppError
-from app.stage.clip import GONE_Z, N_FLAGS, PARKED_Z, TAIL_S, build_clip, duration_s
+from app.stage.clip import LEVEL_Z, N_FLAGS, TAIL_S, build_clip, duration_s
 from app.stage.framing import CAMERA, Layout
 from study_core.scene import Scene
 
-REVEAL_S = 0.15
+APPEARS_S = 0.15
 """How long a new clip takes to appear, until the page has shown how long it takes there."""
 
-REVEAL_AT_LATEST_S = 1.0
-"""When a new clip takes the old one's place though no page has said that it has loaded."""
+SEEN_AT_LATEST_S = 3.0
+"""When a new clip takes the old one's place though no page has said that it sees it."""
 
-UNSEEN_S = 0.05
-"""How long a clip that has loaded plays before it is revealed: the page has to see its flag and say so."""
+TELLS_S = 0.05
+"""How long a page takes to say what it sees."""
 
-_TIDY_S = 0.25
+_MOST_CLIPS = 3
 _MOMENT_S = 0.001
 
 _HOST = "127.0.0.1"
@@ -121,12 +120,12 @@ class Stage:
         self._picture: Picture | None = None
         self._play = _Play(0.0, clock(), False, 1.0)
         self._speed = 1.0
-        self._reveal_s = REVEAL_S
+        self._appears_s = APPEARS_S
         self._starts_still = False
-        self._shown: viser.GlbHandle | None = None
-        self._coming: viser.GlbHandle | None = None
-        self._leaving: viser.GlbHandle | None = None
+        # From the farthest to the nearest.
+        self._clips: list[viser.GlbHandle] = []
         self._turn = 0
+        self._is_seen = False
         self._is_closed = False
         self._server = _quiet_server()
         self.port: int = self._server.get_port()
@@ -169,16 +168,16 @@ class Stage:
             self._change(0.0, False)
 
     def pause(self) -> None:
-        """Stops the clip where it will be when the still one is revealed, so that nothing jumps."""
+        """Stops the clip where it will be when the still one appears, so that nothing jumps."""
         with self._lock:
             if not self._play.is_frozen:
-                self._change(self._position_when_revealed_s(), True)
+                self._change(self._position_when_changed_s(), True)
 
     def resume(self) -> None:
         """Goes on from where the clip was paused."""
         with self._lock:
             if self._play.is_frozen:
-                self._change(max(0.0, self._play.start_s - UNSEEN_S * self._speed), False)
+                self._change(self._play.start_s, False)
 
     def seek(self, position_s: float) -> None:
         """Goes to a place in the loop; stands still there, or plays on from there, as before."""
@@ -187,8 +186,7 @@ class Stage:
                 return
             # The end of the loop is also its beginning; whoever goes there means the end.
             last_s = duration_s(self._picture.a, self._picture.b) - _MOMENT_S
-            lead_s = 0.0 if self._play.is_frozen else UNSEEN_S * self._speed
-            self._change(max(0.0, min(position_s, last_s) - lead_s), self._play.is_frozen)
+            self._change(min(position_s, last_s), self._play.is_frozen)
 
     def set_speed(self, speed: float) -> None:
         """Plays this clip, from where it is, and all that follow at another speed.
@@ -197,10 +195,10 @@ class Stage:
             speed: Seconds of the loop per second.
         """
         with self._lock:
-            goes_on_at_s = self._position_when_revealed_s()
+            goes_on_at_s = self._position_when_changed_s()
             self._speed = speed
             if not self._play.is_frozen:
-                self._change(goes_on_at_s - UNSEEN_S * speed, False)
+                self._change(goes_on_at_s, False)
 
     def set_still(self, starts_still: bool) -> None:
         """Says whether pictures wait at their first moment until they are told to play, the one shown now included."""
@@ -216,20 +214,21 @@ class Stage:
                 self._layout = layout
                 self._change(self._position_s(), self._play.is_frozen, at_once=True)
 
-    def has_loaded(self, flag: int) -> None:
-        """Reveals the clip that waits, now that a page has seen its flag; another clip's flag changes nothing."""
+    def see(self, flag: int) -> None:
+        """A page sees the clip with a flag: what it hides may go; another clip's flag changes nothing."""
         with self._lock:
-            if self._coming is not None and flag == self._flag:
-                now = self._clock()
-                self._reveal_s = min(now - self._play.since, REVEAL_AT_LATEST_S)
-                # Its clock has run since it loaded, not since it was sent.
-                self._play.since = now - UNSEEN_S
-                self._reveal(self._turn)
-                self._server.flush()
+            if self._is_seen or not self._clips or flag != self._flag:
+                return
+            seen_at = self._clock() - TELLS_S
+            if len(self._clips) > 1:
+                self._appears_s = min(max(seen_at - self._play.since, 0.0), SEEN_AT_LATEST_S)
+            # Its clock has run since it loaded, not since it was sent.
+            self._play.since = seen_at
+            self._settle(self._turn)
 
     @property
     def _flag(self) -> int:
-        return 1 + self._turn % N_FLAGS
+        return self._turn % N_FLAGS
 
     def close(self) -> None:
         """Stops the server and drops its clients; may take a second. Closing twice does no harm."""
@@ -246,12 +245,12 @@ class Stage:
             return self._play.start_s
         return self._play.start_s + self._play.speed * (self._clock() - self._play.since)
 
-    def _position_when_revealed_s(self) -> float:
+    def _position_when_changed_s(self) -> float:
         """Where the clip that plays now will be when a new one takes its place."""
-        return self._position_s() + self._reveal_s * self._play.speed
+        return self._position_s() + self._appears_s * self._play.speed
 
     def _change(self, start_s: float, is_frozen: bool, at_once: bool = False) -> None:
-        """Puts a new clip on the stage, hidden until it has loaded unless nothing else is shown."""
+        """Puts a new clip on the stage, in front of what is there; `at_once` takes that away before it has loaded."""
         if self._is_closed:
             raise StageClosedError
         if self._picture is None:
@@ -270,51 +269,38 @@ class Stage:
             self._flag,
         )
         self._play = _Play(start_s, self._clock(), is_frozen, self._speed)
-        is_immediate = at_once or self._shown is None
+        self._is_seen = False
         with self._server.atomic():
-            for old in (self._coming, self._leaving):
-                _remove(old)
-            self._leaving = None
-            self._coming = self._server.scene.add_glb(
-                self._free_name(),
-                clip,
-                position=(0.0, 0.0, PARKED_Z),
-                cast_shadow=False,
-                receive_shadow=False,
+            self._drop_farthest(0 if at_once else _MOST_CLIPS - 1)
+            self._clips.append(
+                self._server.scene.add_glb(
+                    f"/{self._turn % (_MOST_CLIPS + 1)}",
+                    clip,
+                    position=(0.0, 0.0, LEVEL_Z * len(self._clips)),
+                    cast_shadow=False,
+                    receive_shadow=False,
+                )
             )
-            if is_immediate:
-                self._reveal(self._turn)
         # viser gathers messages for up to a sixtieth of a second; a person should not wait for that.
         self._server.flush()
-        if not is_immediate:
-            self._later(REVEAL_AT_LATEST_S, self._reveal)
-
-    def _later(self, delay_s: float, step: Callable[[int], None]) -> None:
-        """Runs a step in a while, in the viser server's own thread."""
         loop = self._server.get_event_loop()
-        loop.call_soon_threadsafe(loop.call_later, delay_s, step, self._turn)
+        loop.call_soon_threadsafe(loop.call_later, SEEN_AT_LATEST_S, self._settle, self._turn)
 
-    def _free_name(self) -> str:
-        return "/even" if self._shown is not None and self._shown.name == "/odd" else "/odd"
-
-    def _reveal(self, turn: int) -> None:
-        """Swaps the loaded clip for the old one, unless a newer one has been called for meanwhile."""
+    def _settle(self, turn: int) -> None:
+        """Removes what the nearest clip hides, unless a newer one has come meanwhile."""
         with self._lock:
-            if turn != self._turn or self._coming is None or self._is_closed:
+            if turn != self._turn or self._is_seen or self._is_closed:
                 return
+            self._is_seen = True
             with self._server.atomic():
-                self._coming.position = (0.0, 0.0, 0.0)
-                if self._shown is not None:
-                    self._shown.position = (0.0, 0.0, GONE_Z)
-            self._shown, self._leaving, self._coming = self._coming, self._shown, None
-            self._later(_TIDY_S, self._tidy)
+                self._drop_farthest(1)
 
-    def _tidy(self, turn: int) -> None:
-        """Removes the old clip, unless a newer change has done so already."""
-        with self._lock:
-            if turn == self._turn and not self._is_closed:
-                _remove(self._leaving)
-                self._leaving = None
+    def _drop_farthest(self, n_kept: int) -> None:
+        """Removes the farthest clips and moves those that are kept back to where these were."""
+        while len(self._clips) > n_kept:
+            self._clips.pop(0).remove()
+        for level, clip in enumerate(self._clips):
+            clip.position = (0.0, 0.0, LEVEL_Z * level)
 
     def _welcome(self, client: viser.ClientHandle) -> None:
         """A browser has (re)connected: its clip starts anew, and its camera can't be moved."""
@@ -323,13 +309,9 @@ class Stage:
         client.camera.max_orbit_distance = distance
         with self._lock:
             self._play.since = self._clock()
+            self._is_seen = False
             if self._play.is_frozen and not self._is_closed:
                 self._change(0.0, self._starts_still)
-
-
-def _remove(handle: viser.GlbHandle | None) -> None:
-    if handle is not None:
-        handle.remove()
 
 
 def _quiet_server() -> viser.ViserServer:

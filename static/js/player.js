@@ -49,9 +49,9 @@ export class Player {
   }
 
   /** A new clip is on the screen. */
-  onRevealed(playing) {
+  onSeen(playing) {
     this.setClock(playing);
-    this.revealed?.();
+    this.seen?.();
   }
 
   /** The picture is answered, or gone. */
@@ -159,7 +159,7 @@ export class Player {
   async reachWanted() {
     for (let position = null; position !== this.wanted; ) {
       position = this.wanted;
-      const isThere = new Promise((done) => (this.revealed = done));
+      const isThere = new Promise((done) => (this.seen = done));
       await this.command("seek", position);
       await Promise.race([isThere, wait(SEEK_MS)]);
     }

@@ -1,20 +1,17 @@
 // The stage: the frame in which viser draws the clip, and what it shows.
 //
-// When a picture is first seen. Every clip has a mark in the middle of the picture, below the gutter between the
-// sides, in one of eight colours (app/stage/clip.py). viser draws the mark in the same frame as the cars. Browsers
-// run a page's animation frame before that of the frames inside it, so what the page finds there in one animation
-// frame was drawn in the one before: that one's time is the picture's first.
-//
-// When a clip may be revealed. Beside the mark flies the flag of a clip that has loaded and waits behind the scene;
-// the page tells the server so (app/stage/stage.py).
+// When a picture is first seen. Every clip has two small squares in the middle of the picture, below the gutter
+// between the sides, in one of eight colours: the mark tells the picture, the flag the clip (app/stage/clip.py).
+// viser draws them in the same frame as the cars. Browsers run a page's animation frame before that of the frames
+// inside it, so what the page finds there in one animation frame was drawn in the one before: that one's time is
+// the picture's first. The page tells the server which clip it sees, and that removes those behind it.
 import { nextFrame, wait } from "./page.js";
 
 const N_MARKS = 8;
 const CONNECT_MS = 8000; // a stage whose page has come, but that nobody watches after so long, is loaded again
 const UNREADABLE_MS = 15000; // a browser that lets nobody read its pixels has surely drawn by then
-const REVEAL_MS = 1100; // by then a new picture has appeared in any case; see app/stage/stage.py
+const APPEARS_MS = 1100; // by then a new picture has appeared even if nobody can see it do so
 const FLAG_SHIFT = 0.03; // from the middle along the gutter, in heights of the picture; see app/stage/clip.py
-const REST_MS = 60; // a clip loads faster if pixels aren't read in every frame meanwhile
 const EXPECT_MS = 1500; // a change that hasn't come by then won't
 const FULL_HOUSE_MS = 6000;
 const TALL_BELOW = 1.05; // width over height of the window
@@ -25,7 +22,7 @@ const stillness = matchMedia("(prefers-reduced-motion: reduce)");
 export class Stage {
   /**
    * `hears.busy(isBusy)` tells whether all stages are taken, `hears.loaded()` that the stage's page has come,
-   * `hears.revealed(playing)`, which may be absent, that a new clip comes on the screen, and how it plays.
+   * `hears.seen(playing)`, which may be absent, that a new clip has come on the screen, and how it plays.
    */
   constructor(frame, connection, hears) {
     this.frame = frame;
@@ -35,8 +32,7 @@ export class Stage {
     this.loadedAt = Infinity; // when the stage's page had come, in milliseconds of performance.now()
     this.nViewers = 0; // how many stages the server sees on this session
     this.canRead = false; // whether a mark has ever been read
-    this.seen = { mark: null, at: 0 };
-    this.flag = 0; // the flag seen last
+    this.seen = { mark: null, flag: null, at: 0 };
     this.watchUntil = 0;
     this.isWatching = false;
     frame.addEventListener("load", () => this.onLoad());
@@ -75,7 +71,7 @@ export class Stage {
 
   onLoad() {
     this.loadedAt = performance.now();
-    this.seen = { mark: null, at: 0 };
+    this.seen = { mark: null, flag: null, at: 0 };
     this.hears.loaded();
     // The graphics driver may restart; viser doesn't recover from that, a fresh page does.
     let tries = 0;
@@ -128,7 +124,7 @@ export class Stage {
     return this.frame.contentDocument?.querySelector("canvas[data-engine]") ?? null;
   }
 
-  /** The number of the picture that the canvas shows, and the flag of the clip that waits; null without a picture. */
+  /** The mark and the flag of the clip that the canvas shows; null without one. */
   read() {
     const canvas = this.canvas;
     if (!canvas || canvas.width === 0 || canvas.height === 0) return null;
@@ -142,11 +138,6 @@ export class Stage {
     return pixels[3] === 255 ? { mark: numberOf(pixels, 0), flag: numberOf(pixels, 4) } : null;
   }
 
-  /** The number of the picture that the canvas shows, or null while it shows none. */
-  mark() {
-    return this.read()?.mark ?? null;
-  }
-
   /** Looks, frame by frame, for as long as a change is expected: reading pixels takes time, so not always. */
   watch() {
     this.watchUntil = performance.now() + EXPECT_MS;
@@ -155,35 +146,27 @@ export class Stage {
 
   async look() {
     this.isWatching = true;
-    let [before, readAt] = [await nextFrame(), 0];
+    let before = await nextFrame();
     while (performance.now() < this.watchUntil) {
       const now = await nextFrame();
-      if (now - readAt >= (this.isSteady ? REST_MS : 0)) {
-        this.take(this.read(), before);
-        readAt = now;
-      }
+      this.take(this.read(), before);
       before = now;
     }
     this.isWatching = false;
   }
 
-  /** Whether a picture is on the screen and none waits behind it, so that the next frame can't show another. */
-  get isSteady() {
-    return this.seen.mark !== null && this.flag === 0;
-  }
-
   take(found, at) {
-    const mark = found?.mark ?? null;
-    if (mark !== this.seen.mark) this.seen = { mark, at };
+    const { mark, flag } = found ?? { mark: null, flag: null };
+    if (mark === this.seen.mark && flag === this.seen.flag) return;
+    this.seen = { mark, flag, at: mark === this.seen.mark ? this.seen.at : at };
     if (found === null) return;
     this.canRead = true;
-    if (found.flag !== this.flag && found.flag !== 0) this.reveal(found.flag);
-    this.flag = found.flag;
+    this.tellSeen(flag);
   }
 
-  async reveal(flag) {
-    const response = await this.connection.request("stage", { action: "loaded", value: flag }).catch(() => null);
-    if (response?.ok) this.hears.revealed?.(await response.json());
+  async tellSeen(flag) {
+    const response = await this.connection.request("stage", { action: "seen", value: flag }).catch(() => null);
+    if (response?.ok) this.hears.seen?.(await response.json());
   }
 
   /** Gives when a query's picture was first seen; `isWanted` tells whether anybody still asks. */
@@ -202,7 +185,7 @@ export class Stage {
   }
 
   async assumedFirstFrame(isWanted) {
-    await wait(REVEAL_MS);
+    await wait(APPEARS_MS);
     return isWanted() ? { at: performance.now(), isSeen: false } : null;
   }
 }

@@ -27,7 +27,7 @@ const connection = new Connection({ screen: apply, offline: onOffline });
 const stage = new Stage(byId("stage"), connection, {
   busy: onBusy,
   loaded: onStageLoaded,
-  revealed: (playing) => player.onRevealed(playing),
+  seen: (playing) => player.onSeen(playing),
 });
 const measures = new Measures(stage);
 const player = new Player(stage, measures.tally, { watched: unlock, remaining: countDown });

@@ -26,13 +26,12 @@ POSITIONS = ("first", "second")
 _RECORD = """() => {
   if (window.seen) return;
   window.seen = [];
-  // A clip that isn't to be seen yet, or no more, lies far behind the scene.
-  const isVisible = (node) => node === null || (node.visible && node.position.z > -50 && isVisible(node.parent));
   const look = () => {
     const viser = window.__viserMutable;
-    for (const name of ["/odd", "/even"]) {
-      const clip = viser?.nodeRefFromName?.[name];
-      if (!clip || !isVisible(clip)) continue;
+    const clips = [0, 1, 2, 3].map((name) => viser?.nodeRefFromName?.[`/${name}`]).filter(Boolean);
+    const found = [];
+    // The nearest clip that has loaded hides the others.
+    for (const clip of clips.sort((one, other) => other.position.z - one.position.z)) {
       const cars = [];
       clip.traverse((node) => {
         if (!/^(robot|human)_car/.test(node.name)) return;
@@ -40,8 +39,9 @@ _RECORD = """() => {
         const seen = node.position.clone().setFromMatrixPosition(node.matrixWorld).project(viser.camera);
         cars.push([seen.x, seen.y]);
       });
-      if (cars.length === 4) window.seen.push(cars);
+      if (cars.length === 4) found.push(cars);
     }
+    if (found.length > 0) window.seen.push(found[0]);
     requestAnimationFrame(look);
   };
   look();
@@ -148,9 +148,9 @@ class Person:
         return [event for event in events if isinstance(event, QueryPrepared)]
 
 
-def join(page: Page, server: ServerProcess, study_name: str = STUDY.name) -> Person:
-    """Follows the participant link and begins."""
-    page.goto(f"{server.url}/join/{study_name}")
+def join(page: Page, server: ServerProcess, study_name: str = STUDY.name, url: str | None = None) -> Person:
+    """Follows the participant link and begins; `url` is where the server is reached, if not where it listens."""
+    page.goto(f"{url or server.url}/join/{study_name}")
     page.get_by_role("button", name="Begin").click()
     page.wait_for_url("**/s/*/")
     return at(page, server)

@@ -91,7 +91,6 @@ def test_pause_stops_the_cars_and_play_goes_on_from_there(person: Person) -> Non
     assert 0.2 < paused_at < 1.0
     person.watches()
     person.page.get_by_role("button", name="Play", exact=True).click()
-    # A clip that goes on runs for a moment before it is revealed, and no further back than that.
     assert moves_off(person, paused_at) > paused_at - 0.1
 
 

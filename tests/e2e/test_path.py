@@ -114,6 +114,26 @@ def test_in_the_second_language(full_path: ServerProcess, open_page: OpenPage) -
     ]
 
 
+@pytest.mark.slow
+def test_a_server_that_is_killed_between_any_two_steps(tmp_path: Path, open_page: OpenPage) -> None:
+    with running_server(tmp_path, STUDY.name) as server:
+        walker = joined(open_page, server, Mouse(), **SMALL)
+        while (place := walker.place()) != "other":
+            before = walker.person.stored()[1]
+            server.kill()
+            server.restart()
+            walker.goes_on()
+            assert walker.visited[-1] in (place, "break")
+            # Whatever the log said is still there, and the step or question that was shown is the one taken.
+            after = walker.person.stored()[1]
+            assert after[: len(before)] == before
+        expect(walker.page.locator("#completion-code")).to_have_text("FULLPATH-DONE", timeout=WAIT_MS)
+        indices = [answer["query_index"] for answer in walker.person.answers()]
+        assert indices == list(range(STUDY.n_queries))
+        prepared = [e.payload["query_index"] for e in walker.person.stored()[1] if e.kind == "query_prepared"]
+        assert prepared == indices
+
+
 def test_declining_is_a_proper_end(full_path: ServerProcess, open_page: OpenPage) -> None:
     walker = joined(open_page, full_path, Mouse(), **SMALL)
     walker.page.locator("button[name=accept][value=no]").click()

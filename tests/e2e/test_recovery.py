@@ -1,4 +1,4 @@
-"""A server that is killed under an open page: nothing is lost, nothing counts twice, nobody has to reload."""
+"""A server that is killed or a network that is away under an open page: nothing is lost, nothing counts twice."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from playwright.sync_api import Route, expect
 from tests.e2e.conftest import OpenPage
 from tests.e2e.curves import assert_on_stage
 from tests.e2e.person import N_QUERIES, WAIT_MS, Person, join
+from tests.support.cable import cable_to
 from tests.support.server import ServerProcess, running_server
 
 pytestmark = pytest.mark.browser
@@ -34,8 +35,7 @@ def sees_the_stored_query(person: Person, index: int) -> None:
     """Waits for a stage that the new server has filled, and checks what it shows."""
 
     def is_filled() -> bool:
-        shown: bool = person.stage.evaluate("() => Boolean(window.__viserMutable?.nodeRefFromName?.['/odd'])")
-        return shown and person.page.evaluate("() => !document.body.matches('.is-preparing')")
+        return bool(person.page.evaluate("() => !document.body.matches('.is-preparing')"))
 
     for _ in range(WAIT_MS // 200):
         if is_filled():
@@ -76,6 +76,44 @@ def test_an_open_page_outlives_the_server_and_the_session_is_finished(
         person.presses("b")
     person.sees_the_end()
     assert [answer["query_index"] for answer in person.answers()] == list(range(N_QUERIES))
+
+
+AWAY_MS = 60_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["the answer", "its acknowledgement"])
+def test_a_network_that_is_away_for_a_minute_in_the_middle_of_an_answer(
+    server: ServerProcess, open_page: OpenPage, lost: str
+) -> None:
+    with cable_to(server.port) as cable:
+        person = join(open_page(), server, url=cable.url)
+        person.sees_question(1)
+        person.presses("a")
+        person.sees_question(2)
+        shown = person.query(1)
+        if lost == "the answer":
+            cable.pull()
+        else:
+            cable.pull_after(b'"choice"')
+        person.clicks("second")
+        expect(person.page.locator("#notice")).to_contain_text("Your answer will be sent", timeout=WAIT_MS)
+        assert cable.is_pulled
+        assert person.positions() == (["first"] if lost == "the answer" else ["first", "second"])
+        person.page.wait_for_timeout(AWAY_MS)
+        person.presses("a")
+        assert len(person.answers()) == (1 if lost == "the answer" else 2)
+        cable.plug_in()
+        person.sees_question(3)
+        sees_connection_found(person)
+        assert person.positions() == ["first", "second"]
+        assert person.query(1).controls_a.tolist() == shown.controls_a.tolist()
+        sees_the_stored_query(person, 2)
+        for number in range(3, N_QUERIES + 1):
+            person.sees_question(number)
+            person.presses("b")
+        person.sees_the_end()
+        assert [answer["query_index"] for answer in person.answers()] == list(range(N_QUERIES))
 
 
 def test_a_connection_that_says_nothing_is_taken_for_lost(server: ServerProcess, open_page: OpenPage) -> None:

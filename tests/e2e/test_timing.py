@@ -26,7 +26,6 @@ _WATCH_RENDERER = """() => {
       if (!node.isMesh || hooked.has(node)) return;
       hooked.add(node);
       node.onAfterRender = () => {
-        if (clip.position.z < -50) return;
         if (!isNoted) window.drawn.push(performance.timeOrigin + document.timeline.currentTime);
         isNoted = true;
         node.onAfterRender = () => undefined;
@@ -34,7 +33,7 @@ _WATCH_RENDERER = """() => {
     });
   };
   const look = () => {
-    for (const name of ["/odd", "/even"]) {
+    for (const name of ["/0", "/1", "/2", "/3"]) {
       const clip = window.__viserMutable?.nodeRefFromName?.[name];
       if (clip) hook(clip);
     }

@@ -127,12 +127,17 @@ class Walker:
 
     def walks(self, until: Callable[[str], bool] = lambda place: place == "other") -> None:
         """Goes along the path until a place; without one, to the last page."""
-        while not until(place := self.place()):
-            self.visited.append(place)
-            if place == "trial":
-                self.answers()
-            else:
-                self.takes(self.study.file.path[int(place.split()[1])])
+        while not until(self.place()):
+            self.goes_on()
+
+    def goes_on(self) -> None:
+        """Does what one page or one question asks."""
+        place = self.place()
+        self.visited.append(place)
+        if place == "trial":
+            self.answers()
+        else:
+            self.takes(self.study.file.path[int(place.split()[1])])
 
     def answers(self, position: str = "first") -> None:
         """Answers one query, or ends a break."""

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from app.stage.clip import N_FLAGS, TAIL_S, build_clip, duration_s
+from app.stage.clip import LEVEL_Z, N_FLAGS, TAIL_S, build_clip, duration_s
 from app.stage.framing import Layout
 from app.stage.keeper import Action, InvalidActionError, StageKeeper
-from app.stage.stage import REVEAL_S, UNSEEN_S, Picture, Stage, StageBusyError, StageClosedError
+from app.stage.stage import APPEARS_S, TELLS_S, Picture, Stage, StageBusyError, StageClosedError
 from study_core.scene import Scene
 from tests.stage.made_up import drive
 
@@ -52,18 +52,16 @@ def wait_until(condition: Callable[[], bool], at_most_s: float = 5.0) -> None:
         time.sleep(0.01)
 
 
-def nodes(stage: Stage) -> dict[str, tuple[bool, bytes]]:
-    """Clips on a stage: whether each is seen, and its bytes."""
-    handles = stage._server.scene._handle_from_node_name
-    return {
-        name: (handle.position[2] == 0.0, handle.glb_data)
-        for name, handle in dict(handles).items()
-        if hasattr(handle, "glb_data")
-    }
-
-
-def seen(stage: Stage) -> list[bytes]:
-    return [data for is_visible, data in nodes(stage).values() if is_visible]
+def clips(stage: Stage) -> list[bytes]:
+    """Clips on a stage, from the farthest to the nearest, which hides the others."""
+    # The lock makes what is read here one moment, as the message batch does in the browser.
+    with stage._lock:
+        handles = dict(stage._server.scene._handle_from_node_name).values()
+        found = sorted(
+            (handle.position[2], handle.glb_data) for handle in handles if hasattr(handle, "glb_data")
+        )
+    assert [z for z, _ in found] == pytest.approx([LEVEL_Z * level for level in range(len(found))])
+    return [data for _, data in found]
 
 
 def shows(
@@ -74,12 +72,12 @@ def shows(
     layout: Layout = Layout.WIDE,
     **how: float,
 ) -> bool:
-    """Whether exactly one clip is seen, and it is this one, whatever its flag."""
-    [data] = seen(stage)
+    """Whether the nearest clip is this one, whatever its flag."""
+    data = clips(stage)[-1]
     a, b, number = picture.a, picture.b, picture.number
     return any(
         data == build_clip(a, b, layout, start_s, frozen, mark=number, flag=flag, **how)
-        for flag in range(1, N_FLAGS + 1)
+        for flag in range(N_FLAGS)
     )
 
 
@@ -88,49 +86,40 @@ def swapped(picture: Picture) -> Picture:
     return Picture("1", picture.b, picture.a, 1)
 
 
-def test_the_first_picture_is_seen_at_once(stage: Stage, picture: Picture) -> None:
-    stage.show(picture)
-    assert shows(stage, picture)
-
-
-def test_exactly_one_clip_is_seen_at_every_moment_of_a_change(stage: Stage, picture: Picture) -> None:
-    stage.show(picture)
-    old = seen(stage)
-    stage.show(swapped(picture))
-    assert seen(stage) == old
-    assert len(nodes(stage)) == 2
-    states = []
-
-    def done() -> bool:
-        # The lock makes what is read here one moment, as the message batch does in the browser.
-        with stage._lock:
-            states.append(seen(stage))
-        return len(nodes(stage)) == 1
-
-    wait_until(done)
-    assert {len(state) for state in states} == {1}
-    assert shows(stage, swapped(picture))
-
-
-def test_a_clip_is_revealed_as_soon_as_a_page_has_seen_its_flag_and_no_other(
+def test_a_new_picture_hides_the_old_one_until_a_page_sees_it_and_then_takes_its_place(
     stage: Stage, picture: Picture
 ) -> None:
     stage.show(picture)
+    old = clips(stage)
     stage.show(swapped(picture))
-    for other in set(range(1, N_FLAGS + 1)) - {stage._flag}:
-        stage.has_loaded(other)
-    assert shows(stage, picture)
-    stage.has_loaded(stage._flag)
+    assert clips(stage)[:-1] == old
+    assert shows(stage, swapped(picture))
+    for other in set(range(N_FLAGS)) - {stage._flag}:
+        stage.see(other)
+    assert len(clips(stage)) == 2
+    stage.see(stage._flag)
+    assert len(clips(stage)) == 1
     assert shows(stage, swapped(picture))
 
 
-def test_a_flag_that_comes_late_reveals_nothing_newer(stage: Stage, picture: Picture) -> None:
+def test_what_is_hidden_goes_in_a_while_even_if_no_page_can_see(
+    stage: Stage, picture: Picture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.stage.stage.SEEN_AT_LATEST_S", 0.2)
+    stage.show(picture)
+    stage.show(swapped(picture))
+    assert len(clips(stage)) == 2
+    wait_until(lambda: len(clips(stage)) == 1)
+    assert shows(stage, swapped(picture))
+
+
+def test_a_flag_that_comes_late_removes_nothing(stage: Stage, picture: Picture) -> None:
     stage.show(picture)
     stage.replay()
     late = stage._flag
     stage.show(swapped(picture))
-    stage.has_loaded(late)
-    assert shows(stage, picture)
+    stage.see(late)
+    assert len(clips(stage)) == 3
 
 
 def test_how_long_a_clip_takes_to_appear_is_learned_from_the_page(
@@ -139,22 +128,40 @@ def test_how_long_a_clip_takes_to_appear_is_learned_from_the_page(
     stage.show(picture)
     clock.now += 2.0
     stage.replay()
-    clock.now += 0.08
-    stage.has_loaded(stage._flag)
+    clock.now += 0.08 + TELLS_S
+    stage.see(stage._flag)
     clock.now += 1.0
     stage.pause()
-    stage.has_loaded(stage._flag)
     assert stage.playing is not None
-    assert stage.playing.position_s == pytest.approx(UNSEEN_S + 1.0 + 0.08)
+    assert stage.playing.position_s == pytest.approx(TELLS_S + 1.0 + 0.08)
 
 
-def test_of_many_changes_at_once_only_the_last_is_revealed(stage: Stage, scenes: tuple[Scene, Scene]) -> None:
+def test_the_first_clip_runs_from_when_it_is_seen(stage: Stage, picture: Picture, clock: Clock) -> None:
+    stage.show(picture)
+    clock.now += 30.0
+    stage.see(stage._flag)
+    clock.now += 1.0
+    stage.see(stage._flag)
+    assert stage.playing is not None
+    assert stage.playing.position_s == pytest.approx(TELLS_S + 1.0)
+    stage.pause()
+    assert stage.playing.position_s == pytest.approx(TELLS_S + 1.0 + APPEARS_S)
+
+
+def test_of_many_changes_at_once_only_the_last_three_are_kept(
+    stage: Stage, scenes: tuple[Scene, Scene]
+) -> None:
     for index in range(6):
         stage.show(Picture(str(index), *scenes))
         stage.replay()
+        assert len(clips(stage)) <= 3
     last = Picture("9", drive(0.05), drive(-0.05), 9)
     stage.show(last)
-    wait_until(lambda: shows(stage, last) and len(nodes(stage)) == 1)
+    assert shows(stage, last)
+    assert len(clips(stage)) == 3
+    stage.see(stage._flag)
+    assert len(clips(stage)) == 1
+    assert shows(stage, last)
 
 
 def test_pause_shows_the_moment_at_which_the_still_picture_appears(
@@ -163,7 +170,7 @@ def test_pause_shows_the_moment_at_which_the_still_picture_appears(
     stage.show(picture)
     clock.now += 2.0
     stage.pause()
-    wait_until(lambda: shows(stage, picture, 2.0 + REVEAL_S, frozen=True))
+    assert shows(stage, picture, 2.0 + APPEARS_S, frozen=True)
     assert stage.is_paused
 
 
@@ -173,8 +180,7 @@ def test_resume_goes_on_from_the_paused_moment(stage: Stage, picture: Picture, c
     stage.pause()
     clock.now += 30.0
     stage.resume()
-    # The clip runs for UNSEEN_S before it is seen.
-    wait_until(lambda: shows(stage, picture, 2.0 + REVEAL_S - UNSEEN_S))
+    assert shows(stage, picture, 2.0 + APPEARS_S)
     assert not stage.is_paused
 
 
@@ -182,7 +188,7 @@ def test_pause_finds_its_place_after_several_loops(stage: Stage, picture: Pictur
     stage.show(picture)
     clock.now += 3 * duration_s(picture.a, picture.b) + 1.0
     stage.pause()
-    assert stage._play.start_s == pytest.approx(1.0 + REVEAL_S)
+    assert stage._play.start_s == pytest.approx(1.0 + APPEARS_S)
 
 
 def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
@@ -191,16 +197,16 @@ def test_another_speed_goes_on_from_the_place_and_holds_for_the_next_picture(
     stage.show(picture)
     clock.now += 2.0
     stage.set_speed(2.0)
-    # It runs unseen for UNSEEN_S at the new speed; the old clip plays on for REVEAL_S.
-    start_s = 2.0 + REVEAL_S - 2.0 * UNSEEN_S
-    wait_until(lambda: shows(stage, picture, start_s, speed=2.0))
+    # The old clip plays on for APPEARS_S.
+    start_s = 2.0 + APPEARS_S
+    assert shows(stage, picture, start_s, speed=2.0)
     clock.now += 1.0
     assert stage.playing is not None
     assert stage.playing.position_s == pytest.approx(start_s + 2.0)
     stage.pause()
-    wait_until(lambda: shows(stage, picture, start_s + 2.0 + 2.0 * REVEAL_S, frozen=True))
+    assert shows(stage, picture, start_s + 2.0 + 2.0 * APPEARS_S, frozen=True)
     stage.show(swapped(picture))
-    wait_until(lambda: shows(stage, swapped(picture), speed=2.0))
+    assert shows(stage, swapped(picture), speed=2.0)
 
 
 def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
@@ -208,12 +214,10 @@ def test_seeking_keeps_a_still_picture_still_and_a_playing_one_playing(
 ) -> None:
     stage.show(picture)
     stage.seek(3.0)
-    wait_until(lambda: shows(stage, picture, 3.0 - UNSEEN_S))
-    stage.seek(0.04)
-    wait_until(lambda: shows(stage, picture))
+    assert shows(stage, picture, 3.0)
     stage.pause()
     stage.seek(4.5)
-    wait_until(lambda: shows(stage, picture, 4.5, frozen=True))
+    assert shows(stage, picture, 4.5, frozen=True)
     assert stage.playing is not None
     assert (stage.playing.position_s, stage.playing.is_paused) == (4.5, True)
 
@@ -233,9 +237,9 @@ def test_whoever_wants_no_motion_sees_first_moments_until_they_press_play(
     stage.show(picture)
     assert shows(stage, picture, frozen=True)
     stage.resume()
-    wait_until(lambda: shows(stage, picture))
+    assert shows(stage, picture)
     stage.show(swapped(picture))
-    wait_until(lambda: shows(stage, swapped(picture), frozen=True))
+    assert shows(stage, swapped(picture), frozen=True)
 
 
 def test_a_stage_tells_where_both_drives_end(stage: Stage, picture: Picture) -> None:
@@ -253,6 +257,7 @@ def test_another_layout_keeps_the_place_and_comes_at_once(
     clock.now += 1.5
     stage.set_layout(Layout.TALL)
     assert shows(stage, picture, 1.5, layout=Layout.TALL)
+    assert len(clips(stage)) == 1
 
 
 def test_a_new_picture_plays_even_if_the_last_was_paused(stage: Stage, picture: Picture) -> None:
@@ -333,12 +338,12 @@ def test_refreshing_shows_a_new_query_but_does_not_restart_the_same_one(scenes: 
     keeper = StageKeeper(lambda _: current[0])
     try:
         stage = keeper.enter("ann")
-        before = seen(stage)
+        before = clips(stage)
         keeper.refresh("ann")
-        assert len(nodes(stage)) == 1
+        assert clips(stage) == before
         current[0] = Picture("1", *reversed(scenes))
         keeper.refresh("ann")
-        wait_until(lambda: seen(stage) != before)
+        assert clips(stage)[:-1] == before
         keeper.refresh("nobody")
     finally:
         keeper.close()
@@ -374,9 +379,10 @@ def test_a_page_may_seek_and_choose_one_of_three_speeds(keeper: StageKeeper) -> 
         (Action.SEEK, None),
         (Action.SEEK, -0.1),
         (Action.SEEK, float("nan")),
-        (Action.LOADED, 0.0),
-        (Action.LOADED, 1.5),
-        (Action.LOADED, None),
+        (Action.SEEN, -1.0),
+        (Action.SEEN, 8.0),
+        (Action.SEEN, 1.5),
+        (Action.SEEN, None),
         (Action.REPLAY, 1.0),
     ],
 )
@@ -413,6 +419,6 @@ def test_nothing_is_shown_while_there_is_no_picture() -> None:
         stage = keeper.enter("ann")
         stage.replay()
         stage.pause()
-        assert nodes(stage) == {}
+        assert clips(stage) == []
     finally:
         keeper.close()
