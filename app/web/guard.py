@@ -11,12 +11,20 @@ from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.origin import is_same_origin
+from app.web.languages import N_
 from app.web.pages import error_response
 
 _LARGEST_BODY = 64 * 1024
 # Room for a page of long answers in any script: a form takes up to 12 bytes for a character.
 _LARGEST_FORM = 512 * 1024
 _ADDRESSES_REMEMBERED = 10_000
+
+_FOREIGN = (N_("This came from another page"), N_("Open the study’s own link and try again there."))
+_NO_LENGTH = (N_("This can’t be taken"), N_("Your browser didn’t say how much it sends. Please try another one."))
+_TOO_LARGE = (
+    N_("This is too much at once"),
+    N_("Go back and shorten what you have typed. Nothing else was lost."),
+)
 
 _HEADERS = {
     "Content-Security-Policy": (
@@ -63,16 +71,13 @@ class Guard:
             return None
         origin = request.headers.get("origin")
         if origin is not None and not is_same_origin(origin, request.headers.get("host"), self._public_url):
-            title, text = "This came from another page", "Open the study's own link and try again there."
-            return error_response(request, 403, "foreign-origin", title, text)
+            return error_response(request, 403, "foreign-origin", *_FOREIGN)
         length = request.headers.get("content-length", "")
         if not length.isdigit():
-            title, text = "This request has no length", "Say how long it is."
-            return error_response(request, 411, "length-required", title, text)
+            return error_response(request, 411, "length-required", *_NO_LENGTH)
         largest = _LARGEST_FORM if request.url.path.endswith("/step") else _LARGEST_BODY
         if int(length) > largest:
-            title, text = "This request is too large", f"Send at most {largest} bytes."
-            return error_response(request, 413, "too-large", title, text)
+            return error_response(request, 413, "too-large", *_TOO_LARGE)
         return None
 
 

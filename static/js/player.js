@@ -10,6 +10,10 @@ const STEP_S = 0.6; // whoever goes on from what they have watched by no more ha
 const button = byId("pause");
 const slider = byId("scrub");
 const speeds = byId("speed");
+const tenths = new Intl.NumberFormat(document.documentElement.lang, {
+  minimumFractionDigits: 1,
+  maximumFractionDigits: 1,
+});
 
 export class Player {
   /** `hears.watched()` once both drives have been shown to their end, `hears.remaining(seconds)` until then. */
@@ -137,7 +141,7 @@ export class Player {
   }
 
   scrub() {
-    slider.setAttribute("aria-valuetext", word("seconds", { seconds: Number(slider.value).toFixed(1) }));
+    slider.setAttribute("aria-valuetext", word("seconds", { seconds: tenths.format(slider.value) }));
     this.seek(Number(slider.value));
   }
 

@@ -16,8 +16,10 @@ from app import wiring
 from app.settings import find_study
 from app.web.parts import SiteParts
 from app.web.site import create_site
+from study_core.study import parse_study
 from tests.support.screens import first_question
 from tests.support.server import ServerProcess, running_server
+from tests.web.place import STEPS, Opener, Place
 
 TOKENS: list[str] = []
 """Every secret that these tests have been given."""
@@ -83,3 +85,27 @@ def serving(parts: SiteParts) -> Iterator[str]:
     yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
     server.should_exit = True
     thread.join()
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Opener:
+    """Opens a site whose study has these sections besides; again, on the same database, if it was open before."""
+    database = tmp_path / "site.db"
+
+    @contextmanager
+    def open_it(sections: str = "", steps: str = STEPS) -> Iterator[Place]:
+        study = parse_study(find_study("quickstart").text + steps + sections)
+        url = f"sqlite:///{database}"
+        settings = wiring.ServeSettings(study, url, "127.0.0.1", 0, 1, None, None)
+        with wiring.headless(url) as runtime:
+            parts = wiring._parts(settings, runtime)
+            with serving(parts) as address:
+                yield Place(address, parts, database)
+
+    return open_it
+
+
+@pytest.fixture
+def place(opened: Opener) -> Iterator[Place]:
+    with opened() as site:
+        yield site

@@ -9,8 +9,8 @@ from app.settings import find_study
 from tests.support.screens import screens
 from tests.support.server import ServerProcess
 from tests.web.conftest import TOKENS, join
+from tests.web.place import BROWSER
 
-BROWSER = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
 UNKNOWN = [
     "/join/no-such-study",
     "/s/no-such-token/",
