@@ -6,13 +6,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from statistics import median
 from typing import Any
 
 from app.errors import AppError
 from app.services import population, preparation
 from app.services.computations import has_succeeded
 from app.services.continuation import Computation, Continuation
+from app.services.duration import minutes_left
 from app.services.runtime import LiveSession, Runtime
 from app.services.tokens import hash_token, new_token
 from app.store import NewReport, PopulationWithdrawnError, PositionTakenError, SessionRecord, Source
@@ -23,7 +23,6 @@ from study_core.plan import Position, choice_at
 from study_core.queries import Participant
 from study_core.session import (
     Action,
-    SessionState,
     apply,
     can_take_back,
     current_step,
@@ -61,7 +60,7 @@ class Screen:
         total: How many there are of these.
         is_practice: Whether it is for practice.
         instructed: The position that a check asks people to choose.
-        minutes_left: About how long the queries that are left will take; None before there is an answer to go by.
+        minutes_left: About how long everything that is left will take; None before there is an answer to go by.
         can_take_back: Whether the last answer can be taken back.
     """
 
@@ -85,9 +84,6 @@ _SCREEN_KINDS = {
     Action.ASK: "question",
     Action.FINISHED: "finished",
 }
-
-# From one answer to the next picture, besides the time that the answer takes.
-_BETWEEN_QUERIES_MS = 1000
 
 
 @dataclass(frozen=True)
@@ -317,15 +313,6 @@ def screen_of(live: LiveSession) -> Screen:
         total=total,
         is_practice=is_practice,
         instructed=None if current is None else current.instructed,
-        minutes_left=_minutes_left(study, state),
+        minutes_left=minutes_left(study, state),
         can_take_back=can_take_back(study, state),
     )
-
-
-def _minutes_left(study: Study, state: SessionState) -> int | None:
-    """Returns about how long the queries that are left take somebody who goes on as they began."""
-    times = [given.response_time_ms for given in state.answers[-20:] if given.response_time_ms is not None]
-    if not times:
-        return None
-    each_ms = median(times) + _BETWEEN_QUERIES_MS
-    return max(1, round((study.n_queries - state.query_index) * each_ms / 60_000))

@@ -20,7 +20,10 @@ _LARGEST_FORM = 512 * 1024
 _ADDRESSES_REMEMBERED = 10_000
 
 _FOREIGN = (N_("This came from another page"), N_("Open the study’s own link and try again there."))
-_NO_LENGTH = (N_("This can’t be taken"), N_("Your browser didn’t say how much it sends. Please try another one."))
+_NO_LENGTH = (
+    N_("This can’t be taken"),
+    N_("Your browser didn’t say how much it sends. Please try another one."),
+)
 _TOO_LARGE = (
     N_("This is too much at once"),
     N_("Go back and shorten what you have typed. Nothing else was lost."),

@@ -8,10 +8,10 @@ from typing import Any
 from fastapi import Request
 from fastapi.responses import Response
 
+from app.services.duration import expected_minutes
 from app.services.path import Form, language_of
 from app.services.result import result_of
 from app.services.runtime import LiveSession, Runtime
-from app.web.duration import expected_minutes
 from app.web.languages import format_minutes, format_number
 from app.web.pictures import pictures_of
 from app.web.questionnaires import fields

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import Request
 from fastapi.responses import Response
 
-from app.web.duration import expected_minutes
+from app.services.duration import expected_minutes
 from app.web.languages import language_name
 from app.web.pages import form_page, requested_language
 from study_core.study import Study

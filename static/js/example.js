@@ -1,7 +1,8 @@
 // The example of the instructions: a stage that can be paused and played again.
 import { Connection } from "./connection.js";
 import { byId, wait, word, write } from "./page.js";
-import { Stage, canDraw } from "./stage.js";
+import { Stage } from "./stage.js";
+import { canDraw } from "./webgl.js";
 
 const connection = new Connection({ screen: onScreen, offline: (isOffline) => !isOffline && stage.load() });
 const stage = new Stage(byId("stage"), connection, { busy: () => undefined, loaded: onLoaded });

@@ -194,14 +194,3 @@ export class Stage {
 function numberOf(pixels, from) {
   return [0, 1, 2].reduce((sum, bit) => sum + (pixels[from + bit] > 127 ? 1 << bit : 0), 0);
 }
-
-/** viser draws nothing without WebGL 2 and doesn't say so. */
-export function canDraw() {
-  try {
-    const context = document.createElement("canvas").getContext("webgl2");
-    context?.getExtension("WEBGL_lose_context")?.loseContext();
-    return Boolean(context);
-  } catch {
-    return false;
-  }
-}

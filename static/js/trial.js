@@ -4,7 +4,8 @@ import { Keys } from "./keys.js";
 import { Measures } from "./measures.js";
 import { byId, dataIn, tell, word, write } from "./page.js";
 import { Player } from "./player.js";
-import { Stage, canDraw } from "./stage.js";
+import { Stage } from "./stage.js";
+import { canDraw } from "./webgl.js";
 
 const NEWS_MS = 8000; // how long the person is told what happened
 const PAGES = ["welcome", "step", "finished"]; // the server draws these itself

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app import wiring
@@ -20,11 +21,13 @@ from app.services.runtime import Runtime
 from app.services.study import Outcome
 from app.services.walk import walk
 from app.settings import find_study
-from study_core.comparison import Choice
+from study_core.comparison import Choice, ComparisonSet
 from study_core.events import AnswerGiven, FeatureLearned
 from study_core.learning import compared
+from study_core.online.feature import Compared
 from study_core.online.learn import learn_feature
 from study_core.participants import Habits
+from study_core.plan import Phase
 from study_core.session_codec import from_json
 from study_core.study import Study, parse_study
 
@@ -166,3 +169,51 @@ def test_a_feature_that_cannot_be_learned_loses_no_answer_and_is_learned_again(
         learned = [event for event in runtime.events(record.id) if isinstance(event, FeatureLearned)]
     assert n_failures == 4
     assert [event.query_index for event in learned] == [15]
+
+
+ALONG_A_PATH = """
+
+[[path]]
+step = "practice"
+queries = 2
+
+[[path]]
+step = "queries"
+break_every = 5
+"""
+
+
+def test_what_teaches_nothing_teaches_no_feature_either(tmp_path: Path) -> None:
+    """Practice, repeats and checks move a feature to a later query, and are not what it is learned from."""
+    study = online(("test_queries = 2 ", "repeats = 2\nchecks = 1\ntest_queries = 2 "))
+    study = parse_study(
+        study.text.replace("[text]\n", '[text]\npractice = "A few to begin with."\nbreak = "Rest."\n')
+        + ALONG_A_PATH
+    )
+    with wiring.headless() as runtime:
+        rehearse(runtime, study, BOTH_SIDES, 1, lambda: None)
+        (record,) = runtime.store.sessions()
+        state = runtime.live(record.id).state
+        export(runtime.store, tmp_path / "out", "jsonl", "all", lambda: None)
+        prepared, answers = state.prepared, state.answers
+    (script,) = read_scripts(tmp_path / "out")
+    (learned,) = script.learned
+    # Eleven active queries teach the feature that the fifteenth is the first to be chosen with.
+    is_active = np.array([one.phase is Phase.ACTIVE for one in prepared])
+    assert (is_active[: learned.n_queries].sum(), is_active[: learned.query_index].sum()) == (11, 15)
+    assert is_active[learned.query_index]
+    assert learned.query_index > 15
+    taught = [
+        (one.proposed.query, given.choice)
+        for one, given in zip(prepared[: learned.n_queries], answers, strict=False)
+        if one.phase is Phase.ACTIVE
+    ]
+    comparisons = ComparisonSet(
+        np.array([query.feature_diff for query, _ in taught]), np.array([choice.sign for _, choice in taught])
+    )
+    controls = np.array([[query.controls_a, query.controls_b] for query, _ in taught])
+    assert state.participant is not None
+    expected = learn_feature(study, state.participant, learned.n_queries, Compared(comparisons, controls))
+    assert learned.feature == expected
+    with wiring.headless() as runtime:
+        replay(runtime, script)

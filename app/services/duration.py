@@ -1,0 +1,37 @@
+"""About how long a study takes, and how long what is left of it."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from study_core.session import SessionState
+from study_core.study import Study
+
+_SECONDS_PER_QUERY = 14
+_SECONDS_PER_PAGE = 40
+# Of somebody's own pace, the last so many queries count; to each belongs the moment until the next is there.
+_N_RECENT = 20
+_BETWEEN_QUERIES_MS = 1000
+
+
+def expected_minutes(study: Study) -> int:
+    """Returns about how many minutes somebody needs for a study, at least one."""
+    n_pages = len(study.file.path) - 1
+    seconds = study.n_queries * _SECONDS_PER_QUERY + n_pages * _SECONDS_PER_PAGE
+    return max(1, round(seconds / 60))
+
+
+def minutes_left(study: Study, state: SessionState) -> int | None:
+    """Returns about how many minutes the queries and pages that are left take somebody who goes on as they began.
+
+    At least one; None before there is an answer to go by.
+    """
+    times = [
+        given.response_time_ms for given in state.answers[-_N_RECENT:] if given.response_time_ms is not None
+    ]
+    if not times:
+        return None
+    n_pages = len(study.file.path) - 1 - state.step
+    seconds_per_query = (median(times) + _BETWEEN_QUERIES_MS) / 1000
+    seconds = (study.n_queries - state.query_index) * seconds_per_query + n_pages * _SECONDS_PER_PAGE
+    return max(1, round(seconds / 60))
