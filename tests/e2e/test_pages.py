@@ -114,7 +114,10 @@ def test_the_mouse_cannot_move_the_camera_or_the_focus_into_the_stage(person: Pe
 
 def test_a_browser_without_webgl_is_told_so_and_what_to_do(server: ServerProcess, launch: Launch) -> None:
     browser = launch("--disable-gpu", "--disable-3d-apis")
-    person = join(browser.new_page(), server)
+    page = browser.new_page()
+    page.goto(f"{server.url}/join/{STUDY.name}")
+    expect(page.get_by_role("heading", name="This browser can’t show the animations")).to_be_visible()
+    person = join(page, server)
     expect(person.page.get_by_role("alert")).to_contain_text("can’t show the animations", timeout=WAIT_MS)
     expect(person.page.get_by_role("button", name="Try again")).to_be_visible()
     person.presses("a")
@@ -123,7 +126,10 @@ def test_a_browser_without_webgl_is_told_so_and_what_to_do(server: ServerProcess
 
 
 def test_a_browser_without_javascript_is_told_so(server: ServerProcess, open_page: OpenPage) -> None:
-    person = join(open_page(java_script_enabled=False), server)
+    page = open_page(java_script_enabled=False)
+    page.goto(f"{server.url}/join/{STUDY.name}")
+    expect(page.get_by_role("heading", name="JavaScript is switched off")).to_be_visible()
+    person = join(page, server)
     expect(person.page.get_by_role("heading", name="JavaScript is switched off")).to_be_visible()
 
 
@@ -134,4 +140,5 @@ def test_the_welcome_page_says_what_the_study_file_says(server: ServerProcess, o
     paragraphs = STUDY.text_named("welcome", "en").strip().split("\n\n")
     assert page.locator(".text p").all_inner_texts()[: len(paragraphs)] == paragraphs
     expect(page.get_by_text("12 questions")).to_be_visible()
+    expect(page.locator(".not-yet")).to_be_hidden()
     assert overflow(page)[0] == 0

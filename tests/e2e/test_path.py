@@ -96,6 +96,26 @@ def test_by_touch_on_a_small_phone(full_path: ServerProcess, open_page: OpenPage
     went_the_whole_way(walker)
 
 
+RUNNING_OVER = """() => [...document.querySelectorAll("button, a.quiet, select")]
+  .filter((one) => one.scrollWidth > one.clientWidth + 1)
+  .map((one) => one.textContent)"""
+
+
+@pytest.mark.parametrize("size", [(360, 640), (640, 360)], ids=["upright", "sideways"])
+def test_no_words_run_over_their_button(
+    full_path: ServerProcess, open_page: OpenPage, size: tuple[int, int]
+) -> None:
+    window = {"viewport": {"width": size[0], "height": size[1]}}
+    walker = joined(open_page, full_path, Mouse(), "?lang=de", **window)
+    walker.walks(until=lambda place: place == "trial")
+    page = walker.page
+    page.locator("#answer-first:enabled").click()
+    expect(page.locator("[data-confidence='5']")).to_be_visible()
+    assert page.evaluate(RUNNING_OVER) == []
+    page.keyboard.press("Escape")
+    assert page.evaluate(RUNNING_OVER) == []
+
+
 @pytest.mark.slow
 def test_in_the_second_language(full_path: ServerProcess, open_page: OpenPage) -> None:
     walker = joined(open_page, full_path, Mouse(), "?lang=de", **SMALL)
