@@ -10,12 +10,15 @@ import { canDraw } from "./webgl.js";
 const NEWS_MS = 8000; // how long the person is told what happened
 const PAGES = ["welcome", "step", "finished"]; // the server draws these itself
 const LETTERS = { first: "A", second: "B" };
+const COVERS = ["is-break", "is-busy", "cannot-draw", "is-too-small"]; // what may lie over the trial
+const TOO_SMALL = matchMedia("(max-width: 319px), (max-height: 299px)"); // both could hardly be seen, or not be chosen
 const JUDGED = ["first", "second", "same"]; // answers that one can be more or less sure of
 
 const settings = dataIn("settings");
 const question = byId("question").textContent;
 const answers = [...document.querySelectorAll("[data-choice]")];
 const classes = document.body.classList;
+const trial = document.querySelector(".trial-page");
 
 let screen = dataIn("screen");
 let shown = ""; // names what the page shows
@@ -126,7 +129,7 @@ function describeAnswers(text) {
 
 function choose(choice, means) {
   const button = byId(`answer-${choice}`);
-  if (!button || button.disabled || first === null || sending !== null) return;
+  if (trial.inert || !button || button.disabled || first === null || sending !== null) return;
   given = { choice, means, at: performance.now() };
   for (const each of answers) each.classList.toggle("is-chosen", each === button);
   if (settings.confidence && JUDGED.includes(choice)) return askHowSure();
@@ -231,8 +234,7 @@ function onBusy(isBusy) {
 /** Shows one of the pages that cover the trial, or hides it. */
 function cover(name, isShown) {
   classes.toggle(name, isShown);
-  const isCovered = ["is-break", "is-busy", "cannot-draw"].some((each) => classes.contains(each));
-  document.querySelector(".trial-page").inert = isCovered;
+  trial.inert = COVERS.some((each) => classes.contains(each));
 }
 
 /** A stage that has been loaded again starts its clip anew. */
@@ -274,6 +276,8 @@ function takeHands() {
 function start() {
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) return cover("cannot-draw", true);
+  cover("is-too-small", TOO_SMALL.matches);
+  TOO_SMALL.addEventListener("change", () => cover("is-too-small", TOO_SMALL.matches));
   takeHands();
   stage.arrange();
   stage.load();

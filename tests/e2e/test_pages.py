@@ -112,6 +112,24 @@ def test_the_mouse_cannot_move_the_camera_or_the_focus_into_the_stage(person: Pe
     person.sees_question(2)
 
 
+@pytest.mark.parametrize("size", [(300, 500), (640, 280)], ids=["narrow", "low"])
+def test_a_window_that_is_too_small_says_so_until_there_is_room(
+    server: ServerProcess, open_page: OpenPage, size: tuple[int, int]
+) -> None:
+    person = join(open_page(), server)
+    person.sees_question(1)
+    person.page.set_viewport_size({"width": size[0], "height": size[1]})
+    told = person.page.get_by_role("heading", name="There is too little room here")
+    expect(told).to_be_visible()
+    person.presses("a")
+    person.page.set_viewport_size({"width": 640, "height": 420})
+    expect(told).to_be_hidden()
+    person.sees_question(1)
+    person.presses("b")
+    person.sees_question(2)
+    assert person.positions() == ["second"]
+
+
 def test_a_browser_without_webgl_is_told_so_and_what_to_do(server: ServerProcess, launch: Launch) -> None:
     browser = launch("--disable-gpu", "--disable-3d-apis")
     page = browser.new_page()

@@ -120,6 +120,15 @@ def test_the_personal_link_has_the_public_address(place: Place) -> None:
         assert f"https://study.example{home}" in alice.get(f"{home}device").text
 
 
+def test_no_page_leads_to_itself(place: Place) -> None:
+    with place.browser() as alice:
+        home = begin(alice)
+        ways = {"device", "leave"}
+        for here in ways:
+            page = alice.get(f"{home}{here}").text
+            assert {way for way in ways if f'href="{way}"' in page} == ways - {here}
+
+
 def test_a_page_asks_for_the_code_of_whoever_has_no_link_with_an_id(place: Place) -> None:
     with place.browser() as phone:
         page = phone.get("/join/quickstart/resume")
