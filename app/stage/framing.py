@@ -19,6 +19,9 @@ from jaxtyping import Float
 
 from study_core.scene import Bounds
 
+GUTTER = 0.028
+"""Width of the strip between the sides, which the page draws over the middle of the picture (participant.css)."""
+
 _MARGIN = 0.03
 _TALLEST = 0.13
 """Room above the ground for the bodies' own height, in scene units."""
@@ -121,15 +124,18 @@ def _rotation(layout: Layout) -> Float[np.ndarray, "3 3"]:
 
 
 def half_extents(layout: Layout) -> Float[np.ndarray, " 2"]:
-    """Half the width and half the height of one side's half of the picture."""
+    """Half the width and half the height of what is seen of one side: from the gutter to the picture's edge."""
     if layout is Layout.WIDE:
-        return np.array([layout.aspect, 0.5])
-    return np.array([layout.aspect / 2, 1.0])
+        return np.array([layout.aspect, 0.5 - GUTTER / 4])
+    return np.array([layout.aspect / 2 - GUTTER / 4, 1.0])
 
 
 def half_centres(layout: Layout) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Centres of A's and B's half in picture coordinates."""
-    centre = np.array([0.0, 0.5, 0.0]) if layout is Layout.WIDE else np.array([-layout.aspect / 2, 0.0, 0.0])
+    width, height = half_extents(layout)
+    # The outer edges are those of the picture.
+    up, left = 1.0 - height, layout.aspect - width
+    centre = np.array([0.0, up, 0.0]) if layout is Layout.WIDE else np.array([-left, 0.0, 0.0])
     return centre, -centre
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.stage.framing import Framing, Layout, frame, half_centres, half_extents, project
+from app.stage.framing import GUTTER, Framing, Layout, frame, half_centres, half_extents, project
 from study_core.scene import Bounds
 
 USUAL = Bounds(-0.3, 0.35, -0.44, 4.3)
@@ -74,10 +74,12 @@ def test_everything_in_the_bounds_lies_in_its_own_half(bounds: Bounds, layout: L
 
 
 @pytest.mark.parametrize("layout", Layout)
-def test_the_two_halves_fill_the_picture_without_overlap(layout: Layout) -> None:
+def test_the_two_halves_fill_the_picture_but_for_the_gutter(layout: Layout) -> None:
     a, b = half_centres(layout)
-    np.testing.assert_allclose(np.abs(a - b)[:2] / 2, half_extents(layout) * (a != 0)[:2])
+    np.testing.assert_array_equal(a, -b)
     np.testing.assert_allclose((np.abs(a)[:2] + half_extents(layout)), (layout.aspect, 1.0))
+    [inner] = (np.abs(a)[:2] - half_extents(layout))[(a != 0)[:2]]
+    assert inner == pytest.approx(GUTTER / 2)
 
 
 @pytest.mark.parametrize(("layout", "axis"), [(Layout.WIDE, 0), (Layout.TALL, 1)])
