@@ -118,6 +118,11 @@ def test_no_page_around_the_path_has_a_barrier(
     declined = somebody.send(somebody.form(accept="no"))
     assert declined.status_code == 303
     inspector.inspect(somebody.home, "declined")
+    with httpx.Client(base_url=server.url, timeout=60.0) as client:
+        other = Wayfarer(client, STUDY)
+        other.go_on()
+        assert other.send(other.form(**{"sees-animations": "no"})).status_code == 303
+        inspector.inspect(other.home, "screened out")
     assert inspector.found == {}
 
 
