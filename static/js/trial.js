@@ -129,7 +129,7 @@ function describeAnswers(text) {
 
 function choose(choice, means) {
   const button = byId(`answer-${choice}`);
-  if (trial.inert || !button || button.disabled || first === null || sending !== null) return;
+  if (trial.inert || !button || button.disabled || first === null || sending === screen.query_index) return;
   given = { choice, means, at: performance.now() };
   for (const each of answers) each.classList.toggle("is-chosen", each === button);
   if (settings.confidence && JUDGED.includes(choice)) return askHowSure();
@@ -174,6 +174,8 @@ async function send() {
   });
   if (!response.ok) return connection.reload();
   const { outcome, screen: next } = await response.json();
+  // The server may have said long before that it has the answer, and the person may have given the next one.
+  if (sending !== query_index) return apply(next);
   settle(query_index);
   // An answer that had to be sent again may have been taken the first time.
   if (outcome === "taken") showSaved(choice);
