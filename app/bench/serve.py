@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from http.cookiejar import CookieJar, DefaultCookiePolicy
 from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import urlsplit
@@ -110,6 +111,8 @@ class _Crowd:
                     limits=limits,
                     timeout=_TIMEOUT_S,
                     trust_env=False,
+                    # One cookie jar for everybody would lead whoever joins anew into somebody else's session.
+                    cookies=CookieJar(DefaultCookiePolicy(allowed_domains=[])),
                 ) as http,
                 asyncio.TaskGroup() as group,
             ):
