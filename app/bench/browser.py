@@ -227,8 +227,8 @@ async def join(http: httpx.AsyncClient, study_name: str) -> str:
     reply = await http.post(f"/join/{study_name}")
     if reply.status_code != 303:
         raise BenchError(f"Expected to be let in, got status {reply.status_code}.")
-    # Who keeps no cookies is shown first how to come back.
-    return reply.headers["location"].partition("device")[0].strip("/").removeprefix("s/")
+    # /s/TOKEN/, and more for who keeps no cookies: they are shown first how to come back.
+    return reply.headers["location"].split("/")[2]
 
 
 def clips_in(message: bytes) -> list[bytes]:

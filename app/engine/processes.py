@@ -26,6 +26,7 @@ _DASK_SETTINGS = {
     "DASK_DISTRIBUTED__LOGGING__DISTRIBUTED": "error",
     # Workers may be killed at any time; that is no sign of a bad task.
     "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "100",
+    # As in the engine's own process: no log of messages.
     "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0",
 }
 

@@ -16,9 +16,7 @@ _BETWEEN_QUERIES_MS = 1000
 
 def expected_minutes(study: Study) -> int:
     """Returns about how many minutes somebody needs for a study, at least one."""
-    n_pages = len(study.file.path) - 1
-    seconds = study.n_queries * _SECONDS_PER_QUERY + n_pages * _SECONDS_PER_PAGE
-    return max(1, round(seconds / 60))
+    return _minutes(study.n_queries, _SECONDS_PER_QUERY, len(study.file.path) - 1)
 
 
 def minutes_left(study: Study, state: SessionState) -> int | None:
@@ -31,7 +29,10 @@ def minutes_left(study: Study, state: SessionState) -> int | None:
     ]
     if not times:
         return None
-    n_pages = len(study.file.path) - 1 - state.step
     seconds_per_query = (median(times) + _BETWEEN_QUERIES_MS) / 1000
-    seconds = (study.n_queries - state.query_index) * seconds_per_query + n_pages * _SECONDS_PER_PAGE
-    return max(1, round(seconds / 60))
+    n_pages = len(study.file.path) - 1 - state.step
+    return _minutes(study.n_queries - state.query_index, seconds_per_query, n_pages)
+
+
+def _minutes(n_queries: int, seconds_per_query: float, n_pages: int) -> int:
+    return max(1, round((n_queries * seconds_per_query + n_pages * _SECONDS_PER_PAGE) / 60))

@@ -35,7 +35,7 @@ N_FLAGS = 8
 """How many clips in a row a page can tell apart."""
 LEVEL_Z = 0.4
 """How much nearer to the viewer a clip must lie to hide another: more than bodies are tall in any picture, and so
-little that from the camera's distance nothing looks any larger (half a thousandth)."""
+little that from the camera's distance nothing looks larger by a thousandth."""
 # A looping clip that starts in its middle jumps from the last pose to the first within this time.
 _JUMP_S = 0.001
 # Under the lowest of the ground's own layers.

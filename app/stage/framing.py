@@ -132,10 +132,9 @@ def half_extents(layout: Layout) -> Float[np.ndarray, " 2"]:
 
 def half_centres(layout: Layout) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
     """Centres of A's and B's half in picture coordinates."""
-    width, height = half_extents(layout)
     # The outer edges are those of the picture.
-    up, left = 1.0 - height, layout.aspect - width
-    centre = np.array([0.0, up, 0.0]) if layout is Layout.WIDE else np.array([-left, 0.0, 0.0])
+    left, up = np.array([layout.aspect, 1.0]) - half_extents(layout)
+    centre = np.array([-left, up, 0.0])
     return centre, -centre
 
 
@@ -210,7 +209,7 @@ def frame(bounds: Bounds, layout: Layout) -> Framing:
 
 
 def ground_height(up: float, layout: Layout) -> float:
-    """How far towards the viewer the ground lies, above or below the middle of a half.
+    """Returns how far towards the viewer the ground lies, in picture units, above or below the middle of a half.
 
     Args:
         up: How far above the middle, in picture units.

@@ -18,9 +18,10 @@ const USUAL = {
 const TYPING = "input, select, textarea, [contenteditable]";
 
 export class Keys {
-  /** `acts` has a function for each action that the page offers. */
-  constructor(acts) {
+  /** `acts` has a function for each action that the page offers; while the `page` is inert, none is called. */
+  constructor(acts, page) {
     this.acts = acts;
+    this.page = page;
     this.dialog = byId("keys-dialog");
     this.chosen = { isOn: true, keys: { ...USUAL }, ...this.stored() };
     this.waitingFor = null; // the action that is getting a new key
@@ -42,7 +43,7 @@ export class Keys {
     if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
     const key = event.key.toLowerCase();
     if (this.waitingFor !== null) return this.take(event, key);
-    if (!this.chosen.isOn || this.dialog.open || event.target.closest?.(TYPING)) return;
+    if (!this.chosen.isOn || this.dialog.open || this.page.inert || event.target.closest?.(TYPING)) return;
     // On a focused button the space bar presses that button, as everywhere.
     if (key === " " && event.target.closest?.("button, a")) return;
     const action = Object.keys(this.chosen.keys).find((each) => this.chosen.keys[each] === key) ?? ARROWS[key];

@@ -11,7 +11,6 @@ const NEWS_MS = 8000; // how long the person is told what happened
 const PAGES = ["welcome", "step", "finished"]; // the server draws these itself
 const LETTERS = { first: "A", second: "B" };
 const COVERS = ["is-break", "is-busy", "cannot-draw", "is-too-small"]; // what may lie over the trial
-const TOO_SMALL = matchMedia("(max-width: 319px), (max-height: 299px)"); // both could hardly be seen, or not be chosen
 const JUDGED = ["first", "second", "same"]; // answers that one can be more or less sure of
 
 const settings = dataIn("settings");
@@ -19,6 +18,7 @@ const question = byId("question").textContent;
 const answers = [...document.querySelectorAll("[data-choice]")];
 const classes = document.body.classList;
 const trial = document.querySelector(".trial-page");
+const smallness = matchMedia("(max-width: 319px), (max-height: 299px)"); // the drives could hardly be seen
 
 let screen = dataIn("screen");
 let shown = ""; // names what the page shows
@@ -129,7 +129,7 @@ function describeAnswers(text) {
 
 function choose(choice, means) {
   const button = byId(`answer-${choice}`);
-  if (trial.inert || !button || button.disabled || first === null || sending === screen.query_index) return;
+  if (!button || button.disabled || first === null || sending === screen.query_index) return;
   given = { choice, means, at: performance.now() };
   for (const each of answers) each.classList.toggle("is-chosen", each === button);
   if (settings.confidence && JUDGED.includes(choice)) return askHowSure();
@@ -261,7 +261,7 @@ function takeKeys() {
     button.addEventListener("click", () => answerSure(step));
     acts[`confidence-${step}`] = () => answerSure(step);
   }
-  new Keys(acts);
+  new Keys(acts, trial);
 }
 
 function takeHands() {
@@ -278,8 +278,8 @@ function takeHands() {
 function start() {
   byId("retry").addEventListener("click", () => location.reload());
   if (!canDraw()) return cover("cannot-draw", true);
-  cover("is-too-small", TOO_SMALL.matches);
-  TOO_SMALL.addEventListener("change", () => cover("is-too-small", TOO_SMALL.matches));
+  cover("is-too-small", smallness.matches);
+  smallness.addEventListener("change", () => cover("is-too-small", smallness.matches));
   takeHands();
   stage.arrange();
   stage.load();

@@ -112,6 +112,17 @@ def test_the_mouse_cannot_move_the_camera_or_the_focus_into_the_stage(person: Pe
     person.sees_question(2)
 
 
+def test_a_pointer_that_rests_on_an_answer_does_not_make_it_look_chosen(person: Person) -> None:
+    person.sees_question(1)
+    person.clicks("first")
+    person.sees_question(2)
+    first, second = (person.page.locator(f"#answer-{position}") for position in ("first", "second"))
+    first.hover()
+    person.page.wait_for_timeout(300)
+    painted = [each.evaluate("(e) => getComputedStyle(e).backgroundColor") for each in (first, second)]
+    assert painted[0] == painted[1]
+
+
 @pytest.mark.parametrize("size", [(300, 500), (640, 280)], ids=["narrow", "low"])
 def test_a_window_that_is_too_small_says_so_until_there_is_room(
     server: ServerProcess, open_page: OpenPage, size: tuple[int, int]

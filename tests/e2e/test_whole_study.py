@@ -93,6 +93,7 @@ def test_the_whole_study_in_a_browser(katz2021: ServerProcess, open_page: OpenPa
     assert len(person.answers()) == STUDY.n_queries
     # A page or server that kept the clips would grow by some 60,000 a query.
     assert growth_per_query(of_page) < 3_000
+    assert growth_per_query(of_server) < 60_000
     assert growth_per_query(settled) < 50_000
 
 

@@ -32,7 +32,8 @@ class Wayfarer:
         self.client, self.study = client, study
         joined = client.post(f"/join/{study.name}", content=b"")
         assert joined.status_code == 303
-        self.home: str = joined.headers["location"].partition("device")[0]
+        # Where they land may be the page below it that says how to come back.
+        self.home = f"/s/{joined.headers['location'].split('/')[2]}/"
 
     @property
     def token(self) -> str:

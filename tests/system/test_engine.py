@@ -31,6 +31,14 @@ def test_what_is_submitted_together_comes_back_in_order(engine: DaskEngine) -> N
     assert [each.result(_PATIENCE_S) for each in computations] == [1, 2, 3]
 
 
+def test_no_message_is_kept_once_it_is_sent(engine: DaskEngine) -> None:
+    assert engine.submit("secret", abs, -1, urgency=0.0).result(_PATIENCE_S) == 1
+    stream = engine._client.scheduler_comm
+    assert stream is not None
+    assert stream.message_count > 0
+    assert len(stream.recent_message_log) == 0
+
+
 def test_inline_computes_only_what_is_asked_for() -> None:
     asked: list[object] = []
     computations = InlineEngine().submit_together(asked.append, {"one": 1, "two": 2}, urgency=0.0)

@@ -13,8 +13,8 @@ from urllib.parse import urlencode
 import httpx
 
 from app.web.parts import SiteParts
+from tests.support.wayfarer import BROWSER
 
-BROWSER = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
 STEPS = '\n[[path]]\nstep = "text"\ntext = "welcome"\n[[path]]\nstep = "queries"\n'
 PROLIFIC = {"PROLIFIC_PID": "pid-of-alice", "STUDY_ID": "id-of-a-study", "SESSION_ID": "id-of-a-visit"}
 LINK = f"/join/quickstart?{urlencode(PROLIFIC)}"

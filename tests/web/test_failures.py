@@ -12,7 +12,7 @@ from app.web import joining
 from app.web.guard import RateLimit
 from app.web.parts import SiteParts
 from tests.support.screens import first_question, screens
-from tests.web.place import BROWSER
+from tests.support.wayfarer import BROWSER
 from tests.web.test_pages import assert_safe
 
 JOINS = 3

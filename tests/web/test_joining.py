@@ -16,8 +16,9 @@ from app.services.links import personal_link
 from app.services.tokens import new_token
 from app.settings import find_study
 from study_core.study import parse_study
+from tests.support.wayfarer import BROWSER
 from tests.web.conftest import serving
-from tests.web.place import BROWSER, LINK, PROLIFIC, STEPS, Opener, Place, begin, moment, ticket_in
+from tests.web.place import LINK, PROLIFIC, STEPS, Opener, Place, begin, moment, ticket_in
 from tests.web.test_pages import assert_safe
 
 

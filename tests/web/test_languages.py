@@ -6,6 +6,7 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -242,3 +243,13 @@ def test_an_error_speaks_the_browsers_language(client: httpx.Client) -> None:
 def test_a_study_is_only_shown_in_its_own_languages(client: httpx.Client) -> None:
     page = client.get("/join/quickstart?lang=de", headers={"Accept-Language": "de"}).text
     assert '<html lang="en" dir="ltr">' in page
+
+
+def test_a_label_of_somebody_elses_domain_is_shown_as_it_is() -> None:
+    own = SimpleNamespace(shares={"100 % <fast>": 0.6, "Driving straight ahead": 0.4})
+    result = SimpleNamespace(own=own, others=None)
+    page = templates.get_template("result.html").render(
+        result=result, pictures=[], translator=translator("de"), lang="de"
+    )
+    assert "100 % &lt;fast&gt;" in page
+    assert "Geradeaus fahren" in page

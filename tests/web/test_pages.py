@@ -8,8 +8,8 @@ import pytest
 from app.settings import find_study
 from tests.support.screens import screens
 from tests.support.server import ServerProcess
+from tests.support.wayfarer import BROWSER
 from tests.web.conftest import TOKENS, join
-from tests.web.place import BROWSER
 
 UNKNOWN = [
     "/join/no-such-study",
