@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -48,6 +48,12 @@ def build_bank(study: Study) -> None:
     if study.uses_bank:
         with new_progress() as progress:
             open_bank(study.domain, counter(progress, "bank of drives"))
+
+
+def warn(left_out: Sequence[str]) -> None:
+    """Says who was left out of something, each with the reason."""
+    for reason in left_out:
+        console.print(f"[yellow]Left out:[/] {reason}", highlight=False, soft_wrap=True)
 
 
 def print_result(result: dict[str, Any], is_json: bool) -> None:

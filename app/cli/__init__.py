@@ -1,0 +1,43 @@
+"""The command line: every command, and how errors are told."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+import app.process  # noqa: F401  - before numpy
+from app.bench.cli import bench
+from app.cli.data import delete, export, import_, migrate
+from app.cli.learning import evaluate, report, train
+from app.cli.serving import link, serve
+from app.cli.sessions import replay, simulate
+from app.errors import AppError
+from app.terminal import console
+from study_core.errors import StudyCoreError
+
+cli = typer.Typer(
+    name="prefstudy",
+    help="Run studies in which people teach a machine what they prefer.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for command in (serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
+    cli.command()(command)
+cli.command("import")(import_)
+cli.add_typer(bench, name="bench", no_args_is_help=True)
+
+
+@cli.callback()
+def root() -> None:
+    """Run studies in which people teach a machine what they prefer."""
+
+
+def main() -> None:
+    """Runs the command line: errors are one line on stderr with the remedy."""
+    try:
+        cli()
+    except (AppError, StudyCoreError) as error:
+        console.print(f"[red]Error:[/] {error}", highlight=False, soft_wrap=True)
+        sys.exit(1)

@@ -1,0 +1,145 @@
+"""Commands that walk through whole sessions without a browser: `simulate` and `replay`."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from app import log
+from app.cli.options import DatabaseOption, SchedulerOption, StudyOption
+from app.process import n_cores
+from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
+from app.terminal import JsonOption, build_bank, new_progress, warn
+
+
+def replay(
+    path: Annotated[
+        Path, typer.Argument(help="JSON Lines of answers, or a folder that `export --format jsonl` wrote.")
+    ],
+    json_: JsonOption = False,
+) -> None:
+    """Run a scripted or exported session again, headless; fail at the first query that comes out differently.
+
+    Who was asked nothing, or started from somebody who has been deleted, is left out, and named.
+
+    The first line of a script is like {"study": "quickstart", "participant": 1}; each line after it like
+    {"query_index": 0, "choice": "a", "response_time_ms": 1200}.
+    """
+    from app import wiring
+    from app.services.replay import read_scripts
+    from app.services.replay import replay as replay_script
+
+    log.configure("WARNING")
+    with wiring.headless() as runtime:
+        for script in read_scripts(path):
+            if script.hindrance:
+                warn([script.hindrance])
+                continue
+            build_bank(script.study)
+            summary = replay_script(runtime, script)
+            n_stored = len(script.stored or ())
+            _print_summary(summary, json_, f"{script.source}: {n_stored} stored queries reproduced")
+
+
+def simulate(
+    study: StudyOption = DEFAULT_STUDY,
+    people: Annotated[int, typer.Option(min=1, help="How many simulated people.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the people: who they are and how they answer.")
+    ] = 0,
+    rationality: Annotated[
+        float | None, typer.Option(min=1e-6, max=1e6, help="Their beta; the study's own unless told.")
+    ] = None,
+    lapse_rate: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, max=0.999, help="Share of answers they give at random; the study's unless told."
+        ),
+    ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(
+            min=0.0, max=3.15, help="Angle in radians by which their taste moves at every query (r.m.s.)."
+        ),
+    ] = 0.0,
+    side_bias: Annotated[
+        float,
+        typer.Option(
+            min=-100.0, max=100.0, help="What is added to their log-odds of what stands first on the screen."
+        ),
+    ] = 0.0,
+    unsure_rate: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="Share of queries they can't tell, where a study offers that."),
+    ] = 0.0,
+    hidden_feature: Annotated[
+        str | None,
+        typer.Option(help="A rich feature of the domain that they care for as well, such as 'side'."),
+    ] = None,
+    hidden_weight: Annotated[
+        float, typer.Option(min=-100.0, max=100.0, help="How much, per unit of that feature.")
+    ] = 1.0,
+    database: DatabaseOption = DEFAULT_DATABASE,
+    out: Annotated[
+        Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Processes that compute; all cores unless told. The results don't depend on it."
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Let simulated people of known weights walk a study; their sessions are kept, marked as rehearsed."""
+    from app import wiring
+    from app.services.rehearsal import Crowd, rehearse_all
+    from app.services.table import new_table
+    from study_core.participants import Habits
+
+    log.configure("WARNING")
+    definition = find_study(study)
+    build_bank(definition)
+    habits = Habits(drift, side_bias, unsure_rate, hidden_feature, hidden_weight if hidden_feature else 0.0)
+    crowd = Crowd(seed, people, habits, rationality, lapse_rate)
+    n_workers = min(workers or n_cores(), people)
+    # While one person's answer is being stored, another's next query is computed.
+    n_at_once = 1 if n_workers == 1 else 2 * n_workers
+    with ExitStack() as stack:
+        table = stack.enter_context(new_table(out)) if out else None
+        runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
+        progress = stack.enter_context(new_progress())
+        task = progress.add_task(definition.name, total=people * definition.n_queries)
+        rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
+        for rehearsal in stack.enter_context(closing(rehearsals)):
+            if table is not None:
+                for row in rehearsal.rows:
+                    table.write(row)
+            headline = f"alignment {rehearsal.summary['alignment']:.3f}"
+            _print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
+
+
+def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
+    """Prints a session: as one JSON line, or as what a person wants to see, query by query unless there are many."""
+    if is_json:
+        print(json.dumps(summary))
+        return
+    out = Console()
+    out.print(f"{summary['study']}, participant {summary['participant']}: {headline}", highlight=False)
+    for row in summary["queries"] if has_queries else ():
+        difference = [
+            a - b for a, b in zip(row["query"]["features_a"], row["query"]["features_b"], strict=True)
+        ]
+        values = " ".join(f"{value:+.3f}" for value in difference)
+        out.print(
+            f"  query {row['query_index']:3d} {row['phase']:8s} {values}  -> {row['choice']}", highlight=False
+        )
+    if summary["posterior"] is not None:
+        mean = " ".join(f"{value:.3f}" for value in summary["posterior"]["mean"])
+        out.print(f"  posterior mean {mean}, test accuracy {summary['test_accuracy']}", highlight=False)
