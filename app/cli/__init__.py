@@ -8,7 +8,7 @@ import typer
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
-from app.cli.data import delete, export, import_, migrate
+from app.cli.data import backup, delete, export, forget, import_, migrate, restore
 from app.cli.learning import evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate
@@ -24,7 +24,10 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (new, check, serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
+for command in (
+    *(new, check, serve, link, simulate, replay, export, delete),
+    *(backup, restore, migrate, forget, train, evaluate, report),
+):
     cli.command()(command)
 cli.command("import")(import_)
 cli.add_typer(bench, name="bench", no_args_is_help=True)
