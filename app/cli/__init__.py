@@ -9,7 +9,7 @@ import typer
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
 from app.cli.data import backup, delete, export, forget, import_, migrate, restore
-from app.cli.learning import evaluate, report, train
+from app.cli.learning import appendix, evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate
 from app.cli.studies import check, new
@@ -26,7 +26,7 @@ cli = typer.Typer(
 )
 for command in (
     *(new, check, serve, link, simulate, replay, export, delete),
-    *(backup, restore, migrate, forget, train, evaluate, report),
+    *(backup, restore, migrate, forget, train, evaluate, report, appendix),
 ):
     cli.command()(command)
 cli.command("import")(import_)
