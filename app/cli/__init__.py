@@ -12,7 +12,7 @@ from app.cli.data import backup, delete, export, forget, import_, migrate, resto
 from app.cli.learning import appendix, evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate
-from app.cli.studies import check, new
+from app.cli.studies import check, new, settings
 from app.errors import AppError
 from app.terminal import console
 from study_core.errors import StudyCoreError
@@ -25,7 +25,7 @@ cli = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for command in (
-    *(new, check, serve, link, simulate, replay, export, delete),
+    *(new, check, settings, serve, link, simulate, replay, export, delete),
     *(backup, restore, migrate, forget, train, evaluate, report, appendix),
 ):
     cli.command()(command)
