@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import time
+from collections.abc import Iterator
 from importlib.metadata import version
 
 from app.services.continuation import Continuation, FeatureRequest, Request
@@ -83,8 +84,14 @@ def test_set(study_text: str) -> tuple[ProposedQuery, ...]:
 
 def clip_digests(domain: Domain, query: Query, first_shown: Choice) -> dict[str, str]:
     """Returns the SHA-256 of the clip that shows a query, in each layout."""
+    clips = build_clips(domain, query, first_shown)
+    return {layout.value: hashlib.sha256(clip).hexdigest() for layout, clip in zip(Layout, clips, strict=True)}
+
+
+def build_clips(domain: Domain, query: Query, first_shown: Choice) -> Iterator[bytes]:
+    """Gives the clip that shows a query, in each layout."""
     first, second = scenes(domain, query, first_shown)
-    return {layout.value: hashlib.sha256(build_clip(first, second, layout)).hexdigest() for layout in Layout}
+    return (build_clip(first, second, layout) for layout in Layout)
 
 
 def scenes(domain: Domain, query: Query, first_shown: Choice) -> tuple[Scene, Scene]:
@@ -95,9 +102,9 @@ def scenes(domain: Domain, query: Query, first_shown: Choice) -> tuple[Scene, Sc
 
 def warm_up(study_text: str) -> None:
     """Compiles every kernel that a session of the study uses, before the first person arrives."""
-    study = parse_study(study_text)
-    empty = ComparisonSet.empty(len(study.domain.feature_names))
-    index = plan_of(study, 0).index_of_active(0)
-    first = continue_session(Request(study_text, 0, index, empty, True, None))
-    once = empty.append(first.prepared.proposed.query, Choice.A)
-    continue_session(Request(study_text, 0, index, once, True, None))
+    for study in parse_study(study_text).arms:
+        empty = ComparisonSet.empty(len(study.domain.feature_names))
+        index = plan_of(study, 0).index_of_active(0)
+        first = continue_session(Request(study.text, 0, index, empty, True, None))
+        once = empty.append(first.prepared.proposed.query, Choice.A)
+        continue_session(Request(study.text, 0, index, once, True, None))

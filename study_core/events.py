@@ -146,6 +146,11 @@ class SessionEnded:
 
 
 @dataclass(frozen=True)
+class SessionReopened:
+    """An experimenter lets the person go on after all, from where they were; however old the session becomes."""
+
+
+@dataclass(frozen=True)
 class PopulationAdopted:
     """The session goes on from what the people before taught; so its log alone derives its queries again.
 
@@ -190,4 +195,5 @@ Event = (
     | AnswerGiven
     | AnswerTakenBack
     | SessionEnded
+    | SessionReopened
 )
