@@ -85,7 +85,9 @@ def test_set(study_text: str) -> tuple[ProposedQuery, ...]:
 def clip_digests(domain: Domain, query: Query, first_shown: Choice) -> dict[str, str]:
     """Returns the SHA-256 of the clip that shows a query, in each layout."""
     clips = build_clips(domain, query, first_shown)
-    return {layout.value: hashlib.sha256(clip).hexdigest() for layout, clip in zip(Layout, clips, strict=True)}
+    return {
+        layout.value: hashlib.sha256(clip).hexdigest() for layout, clip in zip(Layout, clips, strict=True)
+    }
 
 
 def build_clips(domain: Domain, query: Query, first_shown: Choice) -> Iterator[bytes]:

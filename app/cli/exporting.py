@@ -41,8 +41,8 @@ def export(
         Path | None,
         typer.Option(
             metavar="KEYFILE",
-            help="Name people by pseudonyms, and leave out their external ids and clock times. The key goes to this new "
-            "file; keep it apart. What people wrote into free texts stays: read it before you publish it.",
+            help="Name people by pseudonyms, and leave out their external ids and clock times. The key goes to this "
+            "new file; keep it apart. What people wrote into free texts stays: read it before you publish it.",
         ),
     ] = None,
     keep_times: Annotated[

@@ -195,7 +195,9 @@ def _read_export(folder: Path) -> Iterator[Script]:
     _refuse_imported(folder, people)
     for person in people:
         person_id = person["person_id"]
-        yield _exported_script(folder, person_id, export.study(person["study_hash"]), export.events(person_id))
+        yield _exported_script(
+            folder, person_id, export.study(person["study_hash"]), export.events(person_id)
+        )
 
 
 def _refuse_imported(folder: Path, people: list[Json]) -> None:

@@ -25,6 +25,7 @@ from app.store.errors import (
     TokenTakenError,
 )
 from app.store.locking import serve_lock
+from app.store.people import PersonRecord
 from app.store.records import (
     Deletion,
     EventRecord,
@@ -34,7 +35,6 @@ from app.store.records import (
     ModelRecord,
     NewEvent,
     NewReport,
-    PersonRecord,
     PosteriorRecord,
     SessionRecord,
     Source,

@@ -246,26 +246,3 @@ class MeasureRecord:
     query_index: int
     measures: dict[str, Any]
     at: datetime
-
-
-@dataclass(frozen=True, eq=False)
-class PersonRecord:
-    """All that is kept of one person, as it was at one moment.
-
-    Attributes:
-        session: The session.
-        ending: How it has ended; None while it goes on.
-        external: Who the person is to whoever sent them, if anybody did.
-        events: The log, in order.
-        measures: What browsers measured, in the order it came.
-        posteriors: By query index.
-        models: What was learned from the person alone.
-    """
-
-    session: SessionRecord
-    ending: str | None
-    external: ExternalPerson | None
-    events: tuple[EventRecord, ...]
-    measures: tuple[MeasureRecord, ...]
-    posteriors: tuple[PosteriorRecord, ...]
-    models: tuple[ModelRecord, ...]

@@ -31,6 +31,7 @@ from app.store.desk_records import Arm, PersonLine
 from app.store.engine import Database, parse_url
 from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
+from app.store.people import PersonRecord
 from app.store.records import (
     Deletion,
     EventRecord,
@@ -40,7 +41,6 @@ from app.store.records import (
     ModelRecord,
     NewEvent,
     NewReport,
-    PersonRecord,
     PosteriorRecord,
     SessionRecord,
     Source,

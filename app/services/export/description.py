@@ -119,7 +119,7 @@ def _readme(form: Form, tables: Sequence[TableSchema], studies: Sequence[Study])
         "| file | what it holds |",
         "| --- | --- |",
         *rows,
-        f"| `codebook.csv` | Every column of every table, with type, unit, levels and meaning. |",
+        "| `codebook.csv` | Every column of every table, with type, unit, levels and meaning. |",
         f"| `{where}studies/` | The study files, each under the SHA-256 of its text: `study_hash`. |",
         f"| `{where}texts/` | What people read. |",
         f"| `{where}networks/` | Models that were learned, each under its SHA-256. |",

@@ -3,8 +3,9 @@
 As with the sums at the edges of a ledger, a number that was changed is found by its row's digest and its column's.
 
 A value is one byte that says whether there is one, and eight of what it is (integers, doubles, microseconds), or its
-length and its UTF-8. A row is its values of fixed width in the table's order, then the others. A digest is SHA-256; of the
-rows' and the columns' own, the first 16 hexadecimal digits are kept, while the table's runs over the whole of each row's.
+length and its UTF-8. A row is its values of fixed width in the table's order, then the others. A digest is SHA-256;
+of the rows' and the columns' own, the first 16 hexadecimal digits are kept, while the table's runs over the whole of
+each row's.
 """
 
 from __future__ import annotations

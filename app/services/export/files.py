@@ -1,7 +1,8 @@
 """A table in a file: CSV, Parquet or JSON Lines, written block by block from typed rows, and read back as them.
 
-CSV: UTF-8, `true` and `false`, nothing for null (an empty text is `""`), timestamps in ISO 8601 with their offset, numbers in
-the shortest form that reads back to the same double, JSON in one cell. JSON Lines: one object a row, with every column.
+CSV: UTF-8, `true` and `false`, nothing for null (an empty text is `""`), timestamps in ISO 8601 with their offset,
+numbers in the shortest form that reads back to the same double, JSON in one cell. JSON Lines: one object a row, with
+every column.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import pyarrow as pa
@@ -21,9 +22,9 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from app.services.export.columns import Column, Row, TableSchema
+from app.services.export.layout import FileForm
 from app.services.export.values import batch_of
 
-FileForm = Literal["csv", "parquet", "jsonl"]
 Write = Callable[[pa.RecordBatch], None]
 
 # The longest row must fit: that of a learned feature, with its networks.
@@ -146,4 +147,6 @@ def _require_columns(table: TableSchema, names: list[str]) -> None:
             for what, some in (("missing", missing), ("unknown", strange))
             if some
         )
-        raise ValueError(f"expected the columns of '{table.name}' in their order ({told or 'they are in another'})")
+        raise ValueError(
+            f"expected the columns of '{table.name}' in their order ({told or 'they are in another'})"
+        )

@@ -5,11 +5,17 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 Form = Literal["csv", "parquet", "jsonl", "psych-ds"]
+FileForm = Literal["csv", "parquet", "jsonl"]
 FORMS: tuple[Form, ...] = get_args(Form)
 
 MANIFEST = "manifest.json"
 VERSION = 1
 """Of the form of an export; a reader refuses a later one."""
+
+
+def file_form(form: Form) -> FileForm:
+    """Returns the form of each table's file."""
+    return "csv" if form == "psych-ds" else form
 
 
 def table_path(form: Form, table: str) -> str:

@@ -1,7 +1,7 @@
 """People under other names: what an export says of somebody who is not to be recognised by it.
 
-What can't be known is whether somebody wrote who they are into a free text. Of such texts only the ids that the person is
-known by here, and every session's id, are taken out.
+What can't be known is whether somebody wrote who they are into a free text. Of such texts only the ids that the person
+is known by here, and every session's id, are taken out.
 """
 
 from __future__ import annotations
@@ -59,6 +59,7 @@ class Pseudonyms:
             person,
             session=replace(session, id=code, created_at=session.created_at + shift),
             external=None,
+            review=replace(person.review, reason=self._told(person.review.reason, others)),
             events=tuple(self._event(event, others, shift) for event in person.events),
             measures=tuple(self._measure(each, others, shift) for each in person.measures),
             models=tuple(self.of_model(model) for model in person.models),

@@ -16,8 +16,8 @@ from app.services.export.blocks import in_blocks
 from app.services.export.columns import Row, TableSchema
 from app.services.export.digests import Edges, TableDigest
 from app.services.export.errors import ExportDifferenceError, ExportError
-from app.services.export.files import FileForm, batches_in
-from app.services.export.layout import digests_path, materials, table_path
+from app.services.export.files import batches_in
+from app.services.export.layout import digests_path, file_form, materials, table_path
 from app.services.export.manifest import Manifest, read_manifest
 from app.services.export.runs import Runs
 from app.services.export.values import rows_of
@@ -93,7 +93,10 @@ class Export:
         return [row for batch in self._logs.of(person_id) for row in rows_of(schema, batch)]
 
     def samples(self, person_id: str, query_index: int) -> Float[np.ndarray, "n_samples n_weights"]:
-        """Returns the samples of a posterior, none if they weren't exported; quick in the order of `people` and queries."""
+        """Returns the samples of a posterior; none if they weren't exported.
+
+        It is quick in the order of `people` and of the queries.
+        """
         if "samples" not in self.manifest.tables:
             return np.empty((0, 0))
         batches = self._posteriors.of(person_id, query_index)
@@ -134,13 +137,13 @@ class Export:
         told = self.manifest.n_rows[schema.name]
         if digest.n_rows < told:
             raise ExportDifferenceError(
-                f"{self.path_of(schema.name)}: expected {told} rows, found {digest.n_rows}: rows are missing at the end. "
-                "Export again."
+                f"{self.path_of(schema.name)}: expected {told} rows, found {digest.n_rows}: rows are missing at the "
+                "end. Export again."
             )
         if digest.hexdigest() != self.manifest.table_digests[schema.name]:
             raise ExportDifferenceError(
-                f"{self.path_of(schema.name)} and {self.folder / digests_path(schema.name)} were both changed after the "
-                "export. Export again."
+                f"{self.path_of(schema.name)} and {self.folder / digests_path(schema.name)} were both changed after "
+                "the export. Export again."
             )
 
     def _edges(self, schema: TableSchema) -> Iterator[Edges]:
@@ -160,10 +163,9 @@ class Export:
         return self.manifest.tables[table]
 
     def _batches(self, schema: TableSchema) -> Iterator[pa.RecordBatch]:
-        form: FileForm = "csv" if self.manifest.form == "psych-ds" else self.manifest.form
         path = self.path_of(schema.name)
         try:
-            yield from batches_in(path, form, schema)
+            yield from batches_in(path, file_form(self.manifest.form), schema)
         except (OSError, ValueError) as error:
             raise ExportDifferenceError(f"{path} isn't what was exported: {error}. Export again.") from error
 
@@ -204,7 +206,9 @@ def _compare(
     (row,) = rows_of(schema, block.slice(at, 1))
     where = f"{path}, row {n_before + at + 1}{_whose(row)}"
     if at == len(known.rows):
-        raise ExportDifferenceError(f"{where}: expected no such row; it was added after the export. Export again.")
+        raise ExportDifferenceError(
+            f"{where}: expected no such row; it was added after the export. Export again."
+        )
     changed = [name for name in schema.names if found.columns[name] != known.columns.get(name)]
     if len(changed) == len(schema.names):
         raise ExportDifferenceError(

@@ -25,7 +25,7 @@ _MEASURE_KINDS = {column.name: column.kind for column in MEASURES}
 
 def person_rows(study: Study, person: PersonRecord) -> Iterator[tuple[str, Row]]:
     """Gives every row of one person, posterior samples apart, with the name of its table."""
-    ids = {"person_id": person.session.id, "study_hash": study.hash}
+    ids = {"person_id": person.session.id, "study_hash": study.hash, "study_version": study.version}
     log = tuple(session_codec.from_json(event.kind, event.payload) for event in person.events)
     yield "people", ids | _person_row(study, person, reduce(study, log))
     for table, row in chain(
@@ -38,9 +38,7 @@ def person_rows(study: Study, person: PersonRecord) -> Iterator[tuple[str, Row]]
         yield table, ids | row
 
 
-def log_rows(
-    study: Study, events: Iterable[EventRecord], log: Sequence[Event]
-) -> Iterator[tuple[str, Row]]:
+def log_rows(study: Study, events: Iterable[EventRecord], log: Sequence[Event]) -> Iterator[tuple[str, Row]]:
     """Gives the rows that are functions of a log: steps, responses, queries and answers; without ids."""
     withdrawn = _withdrawn(log)
     asked: dict[int, QueryPrepared] = {}
@@ -83,6 +81,7 @@ def _person_row(study: Study, person: PersonRecord, state: SessionState) -> Row:
     external = person.external
     return {
         "study": study.name,
+        "condition": study.condition,
         "ordinal": person.session.ordinal,
         "source": person.session.source.value,
         "created_at": person.session.created_at,
@@ -94,6 +93,8 @@ def _person_row(study: Study, person: PersonRecord, state: SessionState) -> Row:
         "n_repeats_agreed": sum(repeats),
         "n_checks": len(checks),
         "n_checks_passed": sum(checks),
+        "verdict": person.review.verdict,
+        "verdict_reason": person.review.reason or None,
         "external_id": None if external is None else external.external_id,
         "other_ids": {} if external is None else external.other_ids,
     }

@@ -1,7 +1,7 @@
 """The tables of an export, column by column, for the studies that are in it.
 
-Columns that depend on a study (its features, its weights) are there for all studies of the export; they are empty in the
-rows of a study that has none of that name.
+Columns that depend on a study (its features, its weights) are there for all studies of the export; they are empty in
+the rows of a study that has none of that name.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from app.services.export.columns import Column, TableSchema, distinct
+from app.store import Verdict
 from study_core.comparison import Choice
 from study_core.events import MOST_CONFIDENT, StepOutcome
 from study_core.path import Ending
@@ -21,6 +22,11 @@ STUDY = Column(
     "study_hash", "string", "SHA-256 of the study's text, which names its file in the folder `studies`."
 )
 QUERY = Column("query_index", "integer", "Place of the query in the session, from 0.", least=0)
+_VERSION = Column(
+    "study_version",
+    "string",
+    "SHA-256 of the study file's text: as `study_hash`, but the same for all its conditions.",
+)
 _POSITION = Column("position", "integer", "Place in the person's log, from 0.", least=0)
 _TAKEN_BACK = Column(
     "is_taken_back", "boolean", "Whether it stands no longer, because an answer was taken back."
@@ -32,7 +38,7 @@ _PHASE = Column(
     "What the query is for; only answers to active queries inform the posterior.",
     levels=tuple(Phase),
 )
-_IDS = (PERSON, STUDY)
+_IDS = (PERSON, STUDY, _VERSION)
 
 MEASURES = (
     Column("replays", "integer", "How often the drives were played again.", least=0),
@@ -88,7 +94,8 @@ def _people() -> TableSchema:
         (
             *_IDS,
             Column("study", "string", "Name of the study."),
-            Column("ordinal", "integer", "The person's number within the study's text, from 1.", least=1),
+            Column("condition", "string", "The condition that the person is in, where the study has some."),
+            Column("ordinal", "integer", "The person's number within the study, from 1.", least=1),
             Column(
                 "source",
                 "string",
@@ -108,6 +115,13 @@ def _people() -> TableSchema:
             ),
             Column("n_checks", "integer", "Attention checks that were answered.", "queries", least=0),
             Column("n_checks_passed", "integer", "Of these, how many as they told.", "queries", least=0),
+            Column(
+                "verdict",
+                "string",
+                "Why the session doesn't count: its work wasn't accepted, or it is left out of the analysis.",
+                levels=tuple(Verdict),
+            ),
+            Column("verdict_reason", "string", "The reason that the experimenter gave."),
             Column("external_id", "string", "Who the person is to whoever sent them, such as Prolific's id."),
             Column("other_ids", "json", "What else the link said about the person, by name."),
         ),
@@ -164,9 +178,7 @@ def _queries(features: Sequence[str], weights: Sequence[str], n_controls: int) -
                 "first_shown", "string", "The trajectory in the first position, if written down.", levels=pair
             ),
             Column("repeat_of", "integer", "Index of the query that this one asks again.", least=0),
-            Column(
-                "instructed", "string", "What a check tells people to choose.", levels=tuple(Position)
-            ),
+            Column("instructed", "string", "What a check tells people to choose.", levels=tuple(Position)),
             *(
                 Column(f"controls_{side}_{i}", "number", f"Control {i} of trajectory {side.upper()}.")
                 for side in pair
@@ -177,7 +189,9 @@ def _queries(features: Sequence[str], weights: Sequence[str], n_controls: int) -
                 for side in pair
                 for name in features
             ),
-            Column("method", "string", "Where the pair comes from: acquisition method, test set, practice..."),
+            Column(
+                "method", "string", "Where the pair comes from: acquisition method, test set, practice..."
+            ),
             Column("score", "number", "Acquisition value of the pair."),
             Column("runner_up_score", "number", "Acquisition value of the next best pair."),
             Column("pairs_tried", "integer", "Pairs that looked alike before this one, plus one.", "pairs"),
@@ -223,10 +237,10 @@ def _answers() -> TableSchema:
             QUERY,
             _POSITION,
             _PHASE,
-            Column("choice", "string", "What was answered: trajectory A, B or neither.", levels=tuple(Choice)),
             Column(
-                "position_chosen", "string", "Where the chosen trajectory stood.", levels=tuple(Position)
+                "choice", "string", "What was answered: trajectory A, B or neither.", levels=tuple(Choice)
             ),
+            Column("position_chosen", "string", "Where the chosen trajectory stood.", levels=tuple(Position)),
             Column("response_time_ms", "integer", "As measured in the browser.", "ms", least=0),
             Column(
                 "confidence", "integer", "How sure the person is; 1 is a guess.", least=1, most=MOST_CONFIDENT
@@ -263,7 +277,10 @@ def _posteriors(weights: Sequence[str], inferred: Sequence[str]) -> TableSchema:
         (
             *_IDS,
             QUERY,
-            *(Column(f"mean_{name}", "number", f"Posterior mean of the weight of `{name}`.") for name in weights),
+            *(
+                Column(f"mean_{name}", "number", f"Posterior mean of the weight of `{name}`.")
+                for name in weights
+            ),
             *(
                 Column(f"{quantity}_{quantile}", "number", f"{words} of the person's {quantity}.")
                 for quantity in QUANTITIES

@@ -54,7 +54,9 @@ def batch_of(table: TableSchema, rows: Sequence[Row]) -> pa.RecordBatch:
     known = set(table.names)
     for row in rows:
         if not row.keys() <= known:
-            raise ValueError(f"expected columns of '{table.name}', got {', '.join(sorted(row.keys() - known))}")
+            raise ValueError(
+                f"expected columns of '{table.name}', got {', '.join(sorted(row.keys() - known))}"
+            )
     return pa.record_batch([_array(column, rows) for column in table.columns], schema=table.arrow)
 
 

@@ -20,7 +20,7 @@ from app.services.export.description import write_description
 from app.services.export.digests import TableDigest
 from app.services.export.errors import ExportError
 from app.services.export.files import FileForm, new_file
-from app.services.export.layout import MANIFEST, digests_path, materials, table_path
+from app.services.export.layout import digests_path, materials, table_path
 from app.services.export.manifest import Manifest
 from app.services.export.materials import ClipBuilder, write_clips, write_model, write_study
 from app.services.export.options import SOURCES, ExportOptions, Samples
@@ -203,7 +203,9 @@ class _Export:
 class _Table:
     """A table that is being written, with the digests of its rows beside it."""
 
-    def __init__(self, schema: TableSchema, write: Callable[[pa.RecordBatch], None], digests: Callable[[str], int]) -> None:
+    def __init__(
+        self, schema: TableSchema, write: Callable[[pa.RecordBatch], None], digests: Callable[[str], int]
+    ) -> None:
         self.schema = schema
         self.digest = TableDigest(schema)
         self._blocks = Blocks(schema.block)
