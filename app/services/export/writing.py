@@ -19,8 +19,8 @@ from app.services.export.columns import Row, TableSchema
 from app.services.export.description import write_description
 from app.services.export.digests import TableDigest
 from app.services.export.errors import ExportError
-from app.services.export.files import FileForm, new_file
-from app.services.export.layout import digests_path, materials, table_path
+from app.services.export.files import new_file
+from app.services.export.layout import Form, digests_path, file_form, materials, table_path
 from app.services.export.manifest import Manifest
 from app.services.export.materials import ClipBuilder, write_clips, write_model, write_study
 from app.services.export.options import SOURCES, ExportOptions, Samples
@@ -228,13 +228,12 @@ class _Table:
 
 
 @contextmanager
-def _new_table(folder: Path, form: str, schema: TableSchema) -> Iterator[_Table]:
+def _new_table(folder: Path, form: Form, schema: TableSchema) -> Iterator[_Table]:
     path, digests = folder / table_path(form, schema.name), folder / digests_path(schema.name)
     for each in (path, digests):
         each.parent.mkdir(parents=True, exist_ok=True)
-    file_form: FileForm = "csv" if form == "psych-ds" else form
     with (
-        new_file(path, file_form, schema) as write,
+        new_file(path, file_form(form), schema) as write,
         digests.open("x", encoding="utf-8") as edges,
     ):
         table = _Table(schema, write, edges.write)
