@@ -106,7 +106,7 @@ def _beside(export: Export, table: TableSchema, row: Row) -> Iterator[str]:
     try:
         log = tuple(session_codec.from_json(each.kind, each.payload) for each in events)
         again = list(log_rows(export.study(row["study_hash"]), events, log))
-    except (ExportError, StudyCoreError, ValueError, LookupError):
+    except (ExportError, StudyCoreError, TypeError, ValueError, LookupError):
         return  # what was changed is what the log is read by
     for name in _FROM_THE_LOG:
         here = [each for each in export.rows(name) if _place(each) == _place(row)]
