@@ -40,9 +40,13 @@ def test_every_form_holds_every_row(tmp_path: Path) -> None:
 
 
 def test_what_was_added_stays_when_somebody_stops(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), new_table(tmp_path / "t.csv", TABLE) as add:
-        add(ROWS[:3])
-        raise KeyboardInterrupt
+    def stop() -> None:
+        with new_table(tmp_path / "t.csv", TABLE) as add:
+            add(ROWS[:3])
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stop()
     assert pd.read_csv(tmp_path / "t.csv").to_dict("records") == ROWS[:3]
 
 
