@@ -140,9 +140,9 @@ def _json_row(table: TableSchema, timestamps: list[str], number: int, line: str)
     return row
 
 
-def _timestamp(name: str, number: int, text: str) -> datetime:
-    at = datetime.fromisoformat(text)
-    if at.tzinfo is None:
+def _timestamp(name: str, number: int, text: Any) -> datetime:
+    at = datetime.fromisoformat(text) if isinstance(text, str) else None
+    if at is None or at.tzinfo is None:
         raise ValueError(f"line {number}: expected {name} with its offset, got {text}")
     return at
 
