@@ -10,10 +10,7 @@ _Key = tuple[object, ...]
 
 
 class Runs:
-    """Finds rows that stand together. Whoever asks in the table's order has it read once, and never kept.
-
-    What isn't there is looked for once more from the beginning; after that, every run's name is known.
-    """
+    """Finds rows that stand together. Whoever asks in the table's order has it read once, and never kept."""
 
     def __init__(self, read: Callable[[], Iterator[pa.RecordBatch]], columns: tuple[str, ...]) -> None:
         """Reads nothing yet.
@@ -26,27 +23,20 @@ class Runs:
         self._columns = columns
         self._runs: Iterator[tuple[_Key, list[pa.RecordBatch]]] = iter(())
         self._last: tuple[_Key, list[pa.RecordBatch]] | None = None
-        self._seen: set[_Key] = set()
-        self._has_seen_all = False
 
     def of(self, *key: object) -> list[pa.RecordBatch]:
         """Returns the rows of that key; none if there are none."""
         if self._last is not None and self._last[0] == key:
             return self._last[1]
-        if self._has_seen_all and key not in self._seen:
-            return []
         return self._search(key) or self._search_from_beginning(key)
 
     def _search_from_beginning(self, key: _Key) -> list[pa.RecordBatch]:
         self._runs = _runs(self._read(), self._columns)
-        found = self._search(key)
-        self._has_seen_all = self._has_seen_all or not found
-        return found
+        return self._search(key)
 
     def _search(self, key: _Key) -> list[pa.RecordBatch]:
         for run in self._runs:
             self._last = run
-            self._seen.add(run[0])
             if run[0] == key:
                 return run[1]
         return []

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from app.services.export import Export, ExportError, open_export
 from app.services.export.layout import FORMS
-from app.services.export.runs import Runs
 from tests.services.export.people import QUICKSTART
 
 
@@ -35,24 +33,6 @@ def test_logs_and_samples_are_found_in_any_order(exports: dict[str, Export], for
     pairs = random.Random(2).sample(list(samples), 8)
     for pair in pairs:
         np.testing.assert_array_equal(export.samples(*pair), np.array(samples[pair]))
-
-
-def test_looking_for_what_is_not_there_reads_a_table_twice_at_most() -> None:
-    batch = pa.record_batch({"who": ["a", "a", "b", "c"]})
-    n_read = 0
-
-    def read() -> Iterator[pa.RecordBatch]:
-        nonlocal n_read
-        n_read += 1
-        yield batch.slice(0, 1)
-        yield batch.slice(1)
-
-    runs = Runs(read, ("who",))
-    assert [runs.of(name) for name in "xyz"] == [[], [], []]
-    assert n_read == 1
-    found = [sum(part.num_rows for part in runs.of(name)) for name in "abxcx"]
-    assert found == [2, 1, 0, 1, 0]
-    assert n_read == 2
 
 
 def test_what_is_not_there_is_empty(exports: dict[str, Export]) -> None:
