@@ -131,7 +131,7 @@ def intervals(
     highs: Float[np.ndarray, " d"],
 ) -> Markup:
     """Returns weights with their 90 % intervals, one a row, from -1 to 1."""
-    scale = Scale(-1.0, 1.0, (-1.0, -0.5, 0.0, 0.5, 1.0), _signed)
+    scale = Scale(-1.0, 1.0, (-1.0, -0.5, 0.0, 0.5, 1.0), _plain)
     frame = _Frame(560.0, 28.0 * len(names) + 34.0, 150.0, scale, Scale(0.0, 1.0, (), str))
     rows = list(zip(names, means.tolist(), lows.tolist(), highs.tolist(), strict=True))
     said = "; ".join(
@@ -159,7 +159,7 @@ def band(
     highs: Sequence[float],
 ) -> Markup:
     """Returns how one weight's mean and 90 % interval moved, question by question."""
-    frame = _Frame(320.0, 120.0, 34.0, _questions(queries), Scale(-1.0, 1.0, (-1.0, 0.0, 1.0), _signed))
+    frame = _Frame(320.0, 120.0, 34.0, _questions(queries), Scale(-1.0, 1.0, (-1.0, 0.0, 1.0), _plain))
     edge = [*zip(queries, highs, strict=True), *reversed(list(zip(queries, lows, strict=True)))]
     said = f"{name}: from {_signed(means[0])} to {_signed(means[-1])} over {len(queries)} posteriors."
 
@@ -219,6 +219,10 @@ def _questions(queries: Sequence[int]) -> Scale:
 
 def _signed(value: float) -> str:
     return f"{value:.2f}".replace("-", "−") if value else "0"
+
+
+def _plain(value: float) -> str:
+    return f"{value:g}".replace("-", "−")
 
 
 def _points(frame: _Frame, values: Iterable[tuple[float, float]]) -> str:

@@ -45,12 +45,14 @@ def qr_code(address: str) -> Markup:
 
 
 def duration(length: timedelta | None) -> str:
-    """Returns a length of time as people say it, to the minute, or to the second below ten minutes."""
+    """Returns a length of time as people say it, to the second below ten minutes, else to the minute."""
     if length is None:
         return NOTHING
     seconds = max(0, round(length.total_seconds()))
+    if seconds < 60:
+        return f"{seconds} s"
     if seconds < 600:
-        return f"{seconds // 60}:{seconds % 60:02d} min"
+        return f"{seconds // 60} min {seconds % 60:02d} s"
     if seconds < 48 * 3600:
         return (
             f"{seconds // 3600} h {seconds % 3600 // 60:02d} min"
@@ -58,11 +60,6 @@ def duration(length: timedelta | None) -> str:
             else f"{seconds // 60} min"
         )
     return f"{seconds // 86400} days"
-
-
-def seconds_long(seconds: float | None) -> str:
-    """Returns a length of time that is given in seconds."""
-    return NOTHING if seconds is None else duration(timedelta(seconds=seconds))
 
 
 def moment(at: datetime | None) -> Markup | str:
@@ -95,7 +92,6 @@ def _environment() -> Environment:
     environment = page_environment()
     environment.filters |= {
         "duration": duration,
-        "seconds": seconds_long,
         "moment": moment,
         "decimals": decimals,
         "share": percent,

@@ -31,6 +31,8 @@ from study_core.plan import Position, position_of
 from study_core.study import Study
 
 _INTERVAL = (0.05, 0.95)
+# Written with the answer before: the clock moves between the two rows.
+_AT_ONCE_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,7 @@ def _asked(log: Sequence[tuple[EventRecord, Event]], hidden: dict[int, int]) -> 
             response_s=None
             if given is None or given.response_time_ms is None
             else given.response_time_ms / 1000.0,
-            waited_s=waits.get(index),
+            waited_s=waits[index] if waits.get(index, 0.0) > _AT_ONCE_S else None,
             repeat_of=query.repeat_of,
             has_agreed=None if original is None or given is None else given.choice is original.choice,
             has_obeyed=None if query.instructed is None or given is None else place is query.instructed,
