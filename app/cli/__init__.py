@@ -9,6 +9,7 @@ import typer
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
 from app.cli.data import delete, export, import_, migrate
+from app.cli.experimenters import experimenter
 from app.cli.learning import evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate
@@ -26,6 +27,7 @@ cli = typer.Typer(
 for command in (serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
     cli.command()(command)
 cli.command("import")(import_)
+cli.add_typer(experimenter, name="experimenter", no_args_is_help=True)
 cli.add_typer(bench, name="bench", no_args_is_help=True)
 
 
