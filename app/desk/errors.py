@@ -30,7 +30,7 @@ def add_desk_errors(desk: FastAPI) -> None:
         if LIVE in request.headers:
             return PlainTextResponse(str(error), 401)
         if request.method == "POST":
-            return login_page(request, 401, interrupted=Interrupted.of(request, await fields_of(request)))
+            return login_page(request, 401, interrupted=await _interrupted(request))
         if request.app.state.parts.accounts.needs_owner:
             return RedirectResponse("/desk/setup", status_code=303)
         back = request.url.path + (f"?{request.url.query}" if request.url.query else "")
@@ -74,6 +74,14 @@ def add_desk_errors(desk: FastAPI) -> None:
         # This runs outside the guard.
         protect(request.url.path, response.headers)
         return response
+
+
+async def _interrupted(request: Request) -> Interrupted | None:
+    try:
+        return Interrupted.of(request, await fields_of(request))
+    except StarletteHTTPException:
+        # No form of ours: there is nothing to keep.
+        return None
 
 
 def _message(request: Request, status: int, title: str, text: str) -> Response:
