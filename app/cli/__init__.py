@@ -8,11 +8,12 @@ import typer
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
-from app.cli.data import delete, export, import_, migrate
+from app.cli.data import backup, delete, export, forget, import_, migrate, restore
 from app.cli.experimenters import experimenter
-from app.cli.learning import evaluate, report, train
+from app.cli.learning import appendix, evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate
+from app.cli.studies import check, new, settings
 from app.errors import AppError
 from app.terminal import console
 from study_core.errors import StudyCoreError
@@ -24,7 +25,10 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
+for command in (
+    *(new, check, settings, serve, link, simulate, replay, export, delete),
+    *(backup, restore, migrate, forget, train, evaluate, report, appendix),
+):
     cli.command()(command)
 cli.command("import")(import_)
 cli.add_typer(experimenter, name="experimenter", no_args_is_help=True)

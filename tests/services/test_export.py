@@ -12,7 +12,8 @@ from app import wiring
 from app.services import path
 from app.services import study as services
 from app.services.export import ExportError, export
-from app.services.rehearsal import Crowd, rehearse
+from app.services.rehearsal import rehearse
+from app.services.rehearsed_person import Crowd
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.services.walk import walk
 from app.settings import find_study

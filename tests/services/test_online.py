@@ -15,7 +15,8 @@ from app.services import study as services
 from app.services.continuation import FeatureRequest
 from app.services.export import export
 from app.services.learning import feature_before
-from app.services.rehearsal import Crowd, Rehearsal, rehearse
+from app.services.rehearsal import Rehearsal, rehearse
+from app.services.rehearsed_person import Crowd
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
 from app.services.runtime import Runtime
 from app.services.study import Outcome

@@ -14,7 +14,8 @@ from app import wiring
 from app.services import path, shown
 from app.services import study as services
 from app.services.export import export
-from app.services.rehearsal import Crowd, rehearse
+from app.services.rehearsal import rehearse
+from app.services.rehearsed_person import Crowd
 from app.services.replay import read_scripts, replay
 from app.services.runtime import Runtime
 from app.services.study import InvalidAnswerError, Outcome, Screen

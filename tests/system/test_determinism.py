@@ -9,7 +9,8 @@ import httpx
 
 from app import wiring
 from app.services.export import export
-from app.services.rehearsal import Crowd, Rehearsal, rehearse_all
+from app.services.rehearsal import Rehearsal, rehearse_all
+from app.services.rehearsed_person import Crowd
 from app.services.replay import read_scripts, replay
 from app.settings import find_study
 from app.store import open_store
