@@ -8,8 +8,9 @@ import typer
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
-from app.cli.data import backup, delete, export, forget, import_, migrate, restore
+from app.cli.data import backup, delete, forget, import_, migrate, restore
 from app.cli.experimenters import experimenter
+from app.cli.exporting import export
 from app.cli.learning import appendix, evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate

@@ -27,6 +27,7 @@ from app.store.errors import (
     UnknownError,
 )
 from app.store.locking import serve_lock
+from app.store.people import PersonRecord
 from app.store.records import (
     Deletion,
     EventRecord,
@@ -62,6 +63,7 @@ __all__ = [
     "NewReport",
     "PersonKnownError",
     "PersonLine",
+    "PersonRecord",
     "PopulationWithdrawnError",
     "PositionTakenError",
     "PosteriorRecord",
