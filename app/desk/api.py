@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, FastAPI, Query, Request, Security
+from fastapi.responses import StreamingResponse
 from fastapi.security import APIKeyCookie, HTTPBearer
 
 from app.desk import api_shapes as shapes
 from app.desk.admission import COOKIE, Here, admit
 from app.desk.api_errors import add_api_errors
 from app.desk.conditions import ConditionLooks, blinded
+from app.desk.exports import ZIP, Wished, archive
 from app.desk.links import open_link, personal_links, prolific_link
 from app.desk.monitor_page import PEOPLE
 from app.desk.parts import DeskParts
@@ -110,6 +112,15 @@ def _studies(parts: DeskParts, looks: ConditionLooks) -> APIRouter:
             looks.look(here, name)
         found = overview(runtime, parts.study, name, PEOPLE[people])
         return [shapes.Person.of(person, here.is_assistant, conditions) for person in found.people]
+
+    @router.get(
+        "/studies/{name}/export",
+        response_class=StreamingResponse,
+        responses=_errors(404) | {200: {"content": {ZIP: {}}, "description": "A zip file."}},
+    )
+    def export(here: Here, name: shapes.StudyName, wish: Wished) -> StreamingResponse:
+        """Everything that was recorded, as tidy tables that describe themselves, in one zip file."""
+        return archive(parts, here, name, wish)
 
     @router.get("/studies/{name}/links", responses=_errors(404))
     def links(request: Request, name: shapes.StudyName) -> shapes.Links:

@@ -6,6 +6,7 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
@@ -67,6 +68,10 @@ def add_desk_errors(desk: FastAPI) -> None:
     async def http_error(request: Request, error: StarletteHTTPException) -> Response:
         detail: Any = error.detail
         return _message(request, error.status_code, *(_NOTHING_HERE if isinstance(detail, str) else detail))
+
+    @desk.exception_handler(RequestValidationError)
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        return _message(request, 422, "That can’t be done", "Go back, and choose among what is offered there.")
 
     @desk.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:

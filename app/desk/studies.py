@@ -7,11 +7,13 @@ from fastapi.responses import Response
 
 from app.desk.admission import Here
 from app.desk.conditions import ConditionLooks, blinded
+from app.desk.exports import Wished, archive
 from app.desk.links import TooManyLinksError, open_link, personal_links, prolific_link
 from app.desk.login import only
 from app.desk.monitor_page import COLUMNS, PEOPLE, SHOWN, listed, spreads
 from app.desk.parts import DeskParts
 from app.desk.view import desk_page
+from app.services.export.errors import ExportError
 from app.services.links import IncompleteLinkError
 from app.services.monitor import overview, study_summaries, study_summary
 from app.web.forms import SentForm
@@ -83,5 +85,18 @@ def study_routes(parts: DeskParts, looks: ConditionLooks) -> APIRouter:
         page = links_page(request, name, ids, links)
         store.desk.record(here.name, "links_made", name, {"links": len(links)})
         return page
+
+    @router.get("/studies/{name}/export")
+    def ask_for_export(request: Request, name: str) -> Response:
+        study = study_summary(parts.runtime, parts.study, name)
+        return desk_page(request, "export.html", {"study": study, "problem": ""})
+
+    @router.get("/studies/{name}/export.zip")
+    def export(request: Request, here: Here, name: str, wish: Wished) -> Response:
+        try:
+            return archive(parts, here, name, wish)
+        except ExportError as error:
+            study = study_summary(parts.runtime, parts.study, name)
+            return desk_page(request, "export.html", {"study": study, "problem": str(error)}, 422)
 
     return router

@@ -266,7 +266,8 @@ def test_an_unknown_name_is_told_what_a_known_one_is(accounts: DeskAccounts) -> 
 
 def test_the_set_up_code_can_not_be_guessed_quickly(store: Store, clock: Clock) -> None:
     accounts = DeskAccounts(store, clock)
+    for _ in range(3):
+        with pytest.raises(WrongCodeError):
+            accounts.set_up("0000-0000-0000", "mallory", PASSWORD, "1.1.1.1")
     with pytest.raises(TooManyTriesError):
-        for _ in range(5):
-            with pytest.raises(WrongCodeError):
-                accounts.set_up("0000-0000-0000", "mallory", PASSWORD, "1.1.1.1")
+        accounts.set_up("0000-0000-0000", "mallory", PASSWORD, "2.2.2.2")
