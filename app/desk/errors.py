@@ -71,7 +71,9 @@ def add_desk_errors(desk: FastAPI) -> None:
 
     @desk.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> Response:
-        return _message(request, 422, "That can’t be done", "Go back, and choose among what is offered there.")
+        return _message(
+            request, 422, "That can’t be done", "Go back, and choose among what is offered there."
+        )
 
     @desk.exception_handler(Exception)
     async def failure(request: Request, error: Exception) -> Response:

@@ -32,7 +32,9 @@ def test_held_out_accuracy_is_what_each_log_says(opened: Opener) -> None:
             assert found[session_id].accuracy == accuracy_from_the_log(live.study, live.state, mean)
             assert found[session_id].n_test == live.study.protocol.test_queries
         assert sum(person.accuracy is None for person in found.values()) == 1
-        assert 0.0 < sum(person.accuracy or 0.0 for person in found.values()) < 2.0, "A and B can't both be right"
+        assert 0.0 < sum(person.accuracy or 0.0 for person in found.values()) < 2.0, (
+            "A and B can't both be right"
+        )
 
 
 def test_everybody_is_where_their_path_says(opened: Opener) -> None:
@@ -76,7 +78,7 @@ def test_signs_of_trouble_name_their_people_and_the_server_speaks_for_itself(
         person = lab.under_way()
         (number,) = {lab.store.session(person).ordinal}
         lab.store.put_standing(person, 99, replace(STANDING, n_checks=2, n_checks_passed=1))
-        (failed,) = [each for each in _overview(lab).troubles if 'failed a check' in each.text]
+        (failed,) = [each for each in _overview(lab).troubles if "failed a check" in each.text]
         assert failed.numbers == (number,)
         lab.runtime.health.waited(0.5)
         assert not [trouble for trouble in _overview(lab).troubles if "waited" in trouble.text]

@@ -68,7 +68,9 @@ def test_the_second_of_two_who_change_the_same_sees_both_and_loses_nothing(lab: 
         assert re.search(r'value="excluded" checked', late.text)
         assert 'name="revision" value="1"' in late.text
         assert lab.store.desk.review(session_id).reason == "a bot"
-        assert decide(adam, session_id, 1, verdict="rejected", reason="a bot", note="my long note").is_redirect
+        assert decide(
+            adam, session_id, 1, verdict="rejected", reason="a bot", note="my long note"
+        ).is_redirect
     assert lab.store.desk.review(session_id).note == "my long note"
 
 
@@ -119,7 +121,11 @@ def test_viewers_see_no_external_ids_and_nothing_to_press(lab: Laboratory) -> No
 def test_conditions_are_told_to_owners_who_ask_and_each_look_is_in_the_audit(opened: Opener) -> None:
     with opened(CONDITIONS) as lab:
         session_id = lab.under_way()
-        places = ("/desk/studies/quickstart", f"/desk/people/{session_id}", "/api/v1/studies/quickstart/people")
+        places = (
+            "/desk/studies/quickstart",
+            f"/desk/people/{session_id}",
+            "/api/v1/studies/quickstart/people",
+        )
         told = re.compile(r"\b(heuristic|random)\b")
         for role in Role:
             with lab.browser(role) as visitor:
@@ -133,7 +139,9 @@ def test_conditions_are_told_to_owners_who_ask_and_each_look_is_in_the_audit(ope
                     assert {answer.status_code for answer in seen} == {403}
         looks = [entry for entry in lab.store.desk.audit() if entry.action == "conditions_seen"]
         # The pages and the API each count looks of their own; a page that is loaded again is the same look.
-        assert sorted(entry.about or "" for entry in looks) == sorted(["quickstart", "quickstart", session_id])
+        assert sorted(entry.about or "" for entry in looks) == sorted(
+            ["quickstart", "quickstart", session_id]
+        )
 
 
 def test_the_person_page_shows_what_was_believed_and_answered(lab: Laboratory, person: str) -> None:
@@ -144,7 +152,9 @@ def test_the_person_page_shows_what_was_believed_and_answered(lab: Laboratory, p
     last = records[-1]
     assert [belief["query_index"] for belief in in_full["beliefs"]] == [each.query_index for each in records]
     assert in_full["beliefs"][-1]["mean"] == last.mean.tolist()
-    below = [sum(column <= low) for column, low in zip(last.samples.T, in_full["beliefs"][-1]["low"], strict=True)]
+    below = [
+        sum(column <= low) for column, low in zip(last.samples.T, in_full["beliefs"][-1]["low"], strict=True)
+    ]
     assert all(0.03 * len(last.samples) <= n <= 0.07 * len(last.samples) for n in below)
     for name, mean in zip(in_full["weight_names"], last.mean, strict=True):
         assert f"{name} {mean:.2f}".replace("-", "−") in page
@@ -178,7 +188,7 @@ def test_an_export_is_one_zip_file_and_in_the_audit(lab: Laboratory, person: str
             assert any(name.endswith("answers.jsonl") for name in packed.namelist())
         nobody = visitor.get("/desk/studies/quickstart/export.zip?people=imported")
         assert nobody.status_code == 422
-        assert "role=\"alert\"" in nobody.text
+        assert 'role="alert"' in nobody.text
         assert visitor.get("/desk/studies/quickstart/export.zip?form=tables").status_code == 422
     (entry,) = [entry for entry in lab.store.desk.audit() if entry.action == "exported"]
     assert (entry.who, entry.detail["form"], entry.detail["pseudonyms"]) == ("adam", "jsonl", True)
