@@ -94,7 +94,7 @@ def admit(request: Request) -> None:
 
 
 def require_own_page(request: Request) -> None:
-    """Raises a ForeignPageError where a browser that would change something doesn't say that a page of ours asks for it.
+    """Raises a ForeignPageError where a browser that would change something doesn't say that our page asks for it.
 
     The guard has refused every other origin, but a request without one could be anybody's who has made the browser send
     its cookie along.

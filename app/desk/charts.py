@@ -176,7 +176,8 @@ def course(
 ) -> Markup:
     """Returns how a number went, question by question, with the bound that it should keep."""
     frame = _Frame(320.0, 120.0, 44.0, _questions(queries), scale)
-    said = f"{label}: last {scale.written(values[-1])}, from {scale.written(min(values))} to {scale.written(max(values))}."
+    last, least, most = (scale.written(value) for value in (values[-1], min(values), max(values)))
+    said = f"{label}: last {last}, from {least} to {most}."
 
     def drawn() -> Iterator[str]:
         yield from frame.axes()
