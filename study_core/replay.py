@@ -5,8 +5,8 @@ from __future__ import annotations
 from study_core import session_codec
 from study_core.events import Event, QueryPrepared
 
-# What says when and by whom something was computed, not what it is.
-_CIRCUMSTANCES = ("code_version", "compute_ms")
+# What says when, where and by whom something was computed, not what it is.
+_CIRCUMSTANCES = ("code_version", "compute_ms", "machine")
 
 # Where a trajectory stands is seen in the clips, too.
 _SIDES = ("first_shown", "clips")
@@ -15,8 +15,8 @@ _SIDES = ("first_shown", "clips")
 def first_difference(stored: Event, derived: Event) -> str | None:
     """Returns the name and both values of the first number or text that differs, or None.
 
-    The cost of computing it and the version of the program are circumstances, not part of it. A query that was stored
-    before sides were drawn is compared without its sides.
+    The cost of computing it, the machine and the version of the program are circumstances, not part of it. A query
+    that was stored before sides were drawn is compared without its sides.
     """
     has_sides = not isinstance(stored, QueryPrepared) or stored.first_shown is not None
     left_out = _CIRCUMSTANCES if has_sides else (*_CIRCUMSTANCES, *_SIDES)

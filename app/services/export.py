@@ -40,7 +40,7 @@ _NO_PROVENANCE: Row = {
 
 
 # The first logs ever kept say nothing of them.
-_NO_PLACE: Row = {"first_shown": None, "repeat_of": None, "instructed": None}
+_NO_PLACE: Row = {"first_shown": None, "repeat_of": None, "instructed": None, "machine": None}
 
 _MEASURES = (
     *("replays", "pauses", "speed_changes", "scrubs", "hidden", "out_of_focus_ms"),

@@ -207,7 +207,7 @@ def test_migrating_says_what_it_did(tmp_path: Path) -> None:
         config.set_main_option("script_location", MIGRATIONS.as_posix())
         command.upgrade(config, "0001")
     done = run("migrate", "--database", f"sqlite:///{old}")
-    assert "from schema 0001 to 0003. A copy of what it was is in" in done.stdout
+    assert "from schema 0001 to 0005. A copy of what it was is in" in done.stdout
     (copy,) = tmp_path.glob("old.db.schema-0001.*.bak")
     assert copy.name in done.stdout.replace("\n", "")
 
