@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 from study_core import session_codec
 from study_core.events import Event, QueryPrepared
 
@@ -12,22 +15,47 @@ _CIRCUMSTANCES = ("code_version", "compute_ms", "machine")
 _SIDES = ("first_shown", "clips")
 
 
-def first_difference(stored: Event, derived: Event) -> str | None:
-    """Returns the name and both values of the first number or text that differs, or None.
+@dataclass(frozen=True)
+class Difference:
+    """A number or a text that isn't what was stored.
+
+    Attributes:
+        quantity: Its name, such as `query.controls_b[7]`.
+        stored: Its value.
+        derived: What it came to.
+    """
+
+    quantity: str
+    stored: Any
+    derived: Any
+
+    def __str__(self) -> str:
+        return f"{self.quantity}: stored {self.stored!r}, derived {self.derived!r}"
+
+
+def first_difference(stored: Event, derived: Event) -> Difference | None:
+    """Returns the first number or text that differs, or None.
 
     The cost of computing it, the machine and the version of the program are circumstances, not part of it. A query
     that was stored before sides were drawn is compared without its sides.
     """
     has_sides = not isinstance(stored, QueryPrepared) or stored.first_shown is not None
     left_out = _CIRCUMSTANCES if has_sides else (*_CIRCUMSTANCES, *_SIDES)
-    return _difference("", _content(stored, left_out), _content(derived, left_out))
+    return difference_of(_content(stored, left_out), _content(derived, left_out))
 
 
 def _content(event: Event, left_out: tuple[str, ...]) -> session_codec.Json:
     return {key: value for key, value in session_codec.to_json(event).items() if key not in left_out}
 
 
-def _difference(where: str, stored: object, derived: object) -> str | None:
+def difference_of(stored: object, derived: object, where: str = "") -> Difference | None:
+    """Returns the first of two JSON values' entries that differs, or None.
+
+    Args:
+        stored: One.
+        derived: The other.
+        where: What both are called.
+    """
     if isinstance(stored, dict) and isinstance(derived, dict):
         keys = sorted(stored.keys() | derived.keys())
         parts = [(f"{where}.{key}".lstrip("."), stored.get(key), derived.get(key)) for key in keys]
@@ -36,5 +64,6 @@ def _difference(where: str, stored: object, derived: object) -> str | None:
             (f"{where}[{i}]", old, new) for i, (old, new) in enumerate(zip(stored, derived, strict=True))
         ]
     else:
-        return None if stored == derived else f"{where}: stored {stored!r}, derived {derived!r}"
-    return next((found for part in parts if (found := _difference(*part)) is not None), None)
+        return None if stored == derived else Difference(where, stored, derived)
+    found = (difference_of(old, new, name) for name, old, new in parts)
+    return next((each for each in found if each is not None), None)
