@@ -97,9 +97,9 @@ def scenes(domain: Domain, query: Query, first_shown: Choice) -> tuple[Scene, Sc
 
 def warm_up(study_text: str) -> None:
     """Compiles every kernel that a session of the study uses, before the first person arrives."""
-    study = parse_study(study_text)
-    empty = ComparisonSet.empty(len(study.domain.feature_names))
-    index = plan_of(study, 0).index_of_active(0)
-    first = continue_session(Request(study_text, 0, index, empty, True, None))
-    once = empty.append(first.prepared.proposed.query, Choice.A)
-    continue_session(Request(study_text, 0, index, once, True, None))
+    for study in parse_study(study_text).arms:
+        empty = ComparisonSet.empty(len(study.domain.feature_names))
+        index = plan_of(study, 0).index_of_active(0)
+        first = continue_session(Request(study.text, 0, index, empty, True, None))
+        once = empty.append(first.prepared.proposed.query, Choice.A)
+        continue_session(Request(study.text, 0, index, once, True, None))

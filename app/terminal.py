@@ -45,7 +45,7 @@ def build_bank(study: Study) -> None:
     """Builds the bank of a study that uses one, if this machine has none yet, and shows how far it is."""
     from study_core.bank import open_bank
 
-    if study.uses_bank:
+    if any(arm.uses_bank for arm in study.arms):
         with new_progress() as progress:
             open_bank(study.domain, counter(progress, "bank of drives"))
 

@@ -105,7 +105,8 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
             populations=populations,
         )
         parts = _parts(settings, runtime)
-        parts.runtime.open_study(settings.study)
+        for arm in settings.study.arms:
+            parts.runtime.open_study(arm)
         trainer.begin_missing(settings.study.name)
         populations.begin(settings.study)
         link = _join_link(settings, listener)

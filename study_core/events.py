@@ -148,6 +148,11 @@ class SessionEnded:
 
 
 @dataclass(frozen=True)
+class SessionReopened:
+    """An experimenter lets the person go on after all, from where they were; however old the session becomes."""
+
+
+@dataclass(frozen=True)
 class PopulationAdopted:
     """The session goes on from what the people before taught; so its log alone derives its queries again.
 
@@ -194,4 +199,5 @@ Event = (
     | AnswerGiven
     | AnswerTakenBack
     | SessionEnded
+    | SessionReopened
 )

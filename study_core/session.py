@@ -23,6 +23,7 @@ from study_core.events import (
     QueryPrepared,
     SessionBegun,
     SessionEnded,
+    SessionReopened,
     StepOutcome,
     StepTaken,
 )
@@ -68,6 +69,7 @@ class SessionState:
         taken: What was said in the steps so far.
         last_break: The query before which the last break was; 0 before the first.
         ending: How the session ended; None while it goes on.
+        is_reopened: Whether it had ended before.
         before_answer: The state before the last answer, in studies that let it be taken back.
     """
 
@@ -84,6 +86,7 @@ class SessionState:
     taken: tuple[StepTaken, ...] = ()
     last_break: int = 0
     ending: Ending | None = None
+    is_reopened: bool = False
     before_answer: SessionState | None = None
 
     @property
@@ -170,6 +173,8 @@ def apply(study: Study, state: SessionState, event: Event) -> SessionState:
         AnswerNotCurrentError: An answer to another query than the one being asked.
     """
     state = replace(state, n_events=state.n_events + 1)
+    if isinstance(event, SessionReopened):
+        return _reopen(state)
     if state.ending is not None:
         kind = AnswerNotCurrentError if isinstance(event, AnswerGiven) else SessionError
         raise kind(f"Expected a session that goes on; this one has ended: {state.ending}.")
@@ -253,6 +258,19 @@ def _end(state: SessionState, event: SessionEnded) -> SessionState:
             "Take the step that leads there."
         )
     return replace(state, ending=event.ending)
+
+
+def can_be_reopened(state: SessionState) -> bool:
+    """Returns whether a session has ended before the end of its path; whoever declined has given no consent to it."""
+    return state.ending not in (None, Ending.COMPLETED, Ending.DECLINED, Ending.DELETED)
+
+
+def _reopen(state: SessionState) -> SessionState:
+    if not can_be_reopened(state):
+        raise SessionError(
+            f"Expected a session that has ended before its path does, got one that is {state.ending or 'going on'}."
+        )
+    return replace(state, ending=None, is_reopened=True, n_tries=0)
 
 
 def _adopt(state: SessionState, event: PopulationAdopted) -> SessionState:

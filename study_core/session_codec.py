@@ -23,6 +23,7 @@ from study_core.events import (
     QueryPrepared,
     SessionBegun,
     SessionEnded,
+    SessionReopened,
     StepOutcome,
     StepTaken,
 )
@@ -46,6 +47,7 @@ KINDS: dict[type[Event], str] = {
     AnswerGiven: "answer_given",
     AnswerTakenBack: "answer_taken_back",
     SessionEnded: "session_ended",
+    SessionReopened: "session_reopened",
 }
 
 
@@ -209,6 +211,7 @@ _READERS: dict[str, Callable[[Json], Event]] = {
     "query_prepared": _query_prepared,
     "answer_given": _answer_given,
     "answer_taken_back": lambda content: AnswerTakenBack(content["query_index"]),
+    "session_reopened": lambda content: SessionReopened(),
     "session_ended": lambda content: SessionEnded(Ending(content["ending"])),
 }
 

@@ -14,6 +14,7 @@ from study_core.acquisition import acquisition_named
 from study_core.bank import Bank, open_bank
 from study_core.choice import ResponseModel
 from study_core.comparison import Choice
+from study_core.conditions import arm_text, changed, file_text
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
 from study_core.explanation import explain
@@ -46,6 +47,23 @@ class Study:
     def hash(self) -> str:
         """Returns the SHA-256 of the file's text, in hex."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @cached_property
+    def version(self) -> str:
+        """Returns the SHA-256 of the study file's text, in hex: the same for all its arms."""
+        return hashlib.sha256(file_text(self.text).encode()).hexdigest()
+
+    @property
+    def condition(self) -> str | None:
+        """Returns the condition whose arm this is; None for a whole study."""
+        return self.file.arm
+
+    @cached_property
+    def arms(self) -> tuple[Study, ...]:
+        """Returns the studies under which sessions are created: one a condition, or itself."""
+        if self.condition is not None or not self.file.condition:
+            return (self,)
+        return tuple(parse_study(arm_text(self.text, each.name)) for each in self.file.condition)
 
     @property
     def name(self) -> str:
@@ -170,7 +188,7 @@ def parse_study(text: str, source: str = "study file") -> Study:
     """
     try:
         content = tomllib.loads(text)
-        study = Study(text, StudyFile.model_validate(content))
+        study = Study(text, StudyFile.model_validate(changed(content)))
         acquisition_named(study.file.acquisition.method)
         domain_named(study.file.domain)
     except tomllib.TOMLDecodeError as error:
@@ -179,7 +197,15 @@ def parse_study(text: str, source: str = "study file") -> Study:
         raise StudyError(f"{source}: {explain(error)}") from error
     except UnknownNameError as error:
         raise StudyError(f"{source}: {error}") from error
+    if study.condition is None:
+        _check_conditions(study, source)
     return study
+
+
+def _check_conditions(study: Study, source: str) -> None:
+    """Raises a StudyError if an arm of the study isn't a study."""
+    for condition in study.file.condition:
+        parse_study(arm_text(study.text, condition.name), f"{source}, condition '{condition.name}'")
 
 
 def read_study(path: Path, library: Path | None = None) -> Study:

@@ -15,6 +15,7 @@ from pydantic import (
     model_validator,
 )
 
+from study_core.conditions import ConditionSection
 from study_core.online.schedule import FEWEST_ANSWERS, LEAD
 from study_core.path import (
     QUERIES_ALONE,
@@ -230,13 +231,36 @@ class RecruitmentSection(Section):
         None, description="With its offset, such as 2026-12-01T09:00:00+01:00."
     )
     closes: AwareDatetime | None = None
-    places: int | None = Field(None, ge=1, description="Completed sessions wanted.")
+    places: int | None = Field(
+        None, ge=1, description="Completed sessions wanted, in all conditions together."
+    )
+    hold_hours: float = Field(
+        24.0, gt=0, description="A place is kept for somebody of whom nothing is heard for so long."
+    )
 
     @model_validator(mode="after")
     def _opens_before_it_closes(self) -> RecruitmentSection:
         if self.opens is not None and self.closes is not None and self.opens >= self.closes:
             raise ValueError("closes must be later than opens")
         return self
+
+
+class PaymentSection(Section):
+    """What people are paid."""
+
+    amount: float = Field(ge=0, description="To each who completes, in the currency's units.")
+    currency: str = Field(pattern=r"^[A-Z]{3}$", description="Three letters (ISO 4217), such as EUR.")
+    fee: float = Field(0.0, ge=0, le=2, description="What the recruiting service takes, as a share of it.")
+
+
+class DataSection(Section):
+    """What is kept, and for how long."""
+
+    forget_ids_after_days: int | None = Field(
+        None,
+        ge=1,
+        description="Ids by which others know people are forgotten so long after a session that has ended began.",
+    )
 
 
 class SessionSection(Section):
@@ -270,6 +294,10 @@ class StudyFile(Section):
     acquisition: AcquisitionSection
     trajectory: TrajectorySection
     learning: LearningSection = LearningSection()
+    payment: PaymentSection | None = None
+    data: DataSection = DataSection()
+    condition: tuple[ConditionSection, ...] = Field((), description="The arms of an experiment.")
+    arm: Name | None = Field(None, description="The one condition that the file is of.")
 
     @field_validator("path")
     @classmethod
@@ -301,6 +329,15 @@ class StudyFile(Section):
             hint = f"did you mean '{close[0]}'?" if close else f"expected one of: {', '.join(Ending)}"
             raise ValueError(f"no ending is called '{min(unknown)}'; {hint}")
         return endings
+
+    @model_validator(mode="after")
+    def _conditions_are_arms(self) -> StudyFile:
+        names = [condition.name for condition in self.condition]
+        if len(names) == 1 or len(set(names)) != len(names):
+            raise ValueError("there must be no condition, or at least two, with different names")
+        if self.arm is not None and self.arm not in names:
+            raise ValueError(f"no condition is called '{self.arm}'; expected one of: {', '.join(names)}")
+        return self
 
     @model_validator(mode="after")
     def _questionnaires_are_there(self) -> StudyFile:

@@ -27,11 +27,10 @@ from app.store import (
     Source,
     TokenTakenError,
 )
+from study_core.conditions import choose
 from study_core.path import Ending
+from study_core.streams import stream
 from study_core.study import Study
-
-# Without a maximum age of the study's own, whoever began longer ago no longer holds a place for themselves.
-_PLACE_HELD = timedelta(hours=24)
 
 
 class Arrival(StrEnum):
@@ -177,11 +176,11 @@ class Door:
     def _let_in(
         self, invitation: Invitation, token: str, language: str | None, after: str | None = None
     ) -> Welcome:
-        study_hash = self._runtime.open_study(self._study).study.hash
         with self._one_at_a_time:
             place = self._place()
             if place is not Arrival.NEW:
                 return Welcome(place)
+            study_hash = self._runtime.open_study(self._arm()).study.hash
             code_hash = hash_code(resume_code(token))
             session = self._runtime.store.create_session(
                 study_hash, hash_token(token), Source.JOINED, code_hash, invitation.person, after
@@ -214,11 +213,22 @@ class Door:
             return Arrival.NOT_YET
         if wanted.closes is not None and now >= wanted.closes:
             return Arrival.CLOSED
-        if wanted.places is not None:
-            held_since = now - (_max_age(self._study) or _PLACE_HELD)
-            if self._runtime.store.n_within_reach(self._study.name, held_since) >= wanted.places:
-                return Arrival.FULL
+        if wanted.places is not None and sum(self._people().values()) >= wanted.places:
+            return Arrival.FULL
         return Arrival.NEW
+
+    def _arm(self) -> Study:
+        """Returns the arm of somebody new: all conditions get as many people who complete them."""
+        arms = {arm.condition: arm for arm in self._study.arms}
+        people = self._people()
+        rng = stream(self._study.seed, "condition", sum(people.values()))
+        return arms[choose(rng, list(arms), [people.get(condition, 0) for condition in arms])]
+
+    def _people(self) -> dict[str | None, int]:
+        """Returns how many in each condition have completed it, or may still: of whom something was heard lately."""
+        heard_since = datetime.now(UTC) - timedelta(hours=self._study.file.recruitment.hold_hours)
+        arms = self._runtime.store.arms(self._study.name, heard_since)
+        return {arm.condition: arm.n_completed + arm.n_under_way for arm in arms}
 
     def _session_of(self, token: str) -> SessionRecord | None:
         session = services.find(self._runtime, token)
@@ -246,7 +256,7 @@ def _settled(attempt: Callable[[], Welcome]) -> Welcome:
 def end_if_too_old(runtime: Runtime, session_id: str) -> None:
     """Ends a session as timed out if it was begun too long ago; for whoever comes back to it."""
     live = runtime.live(session_id)
-    max_age = _max_age(live.study)
+    max_age = None if live.state.is_reopened else _max_age(live.study)
     is_open = live.state.ending is None
     if is_open and max_age is not None and datetime.now(UTC) > live.record.created_at + max_age:
         path.end(runtime, session_id, Ending.TIMED_OUT)

@@ -17,6 +17,7 @@ from study_core.events import (
     Event,
     LanguageChosen,
     SessionEnded,
+    SessionReopened,
     StepOutcome,
     StepTaken,
 )
@@ -30,7 +31,7 @@ from study_core.path import (
     text_of,
 )
 from study_core.questionnaire import Checked, Problem, check, is_right, screens_out
-from study_core.session import Action, can_take_back, next_action
+from study_core.session import Action, can_be_reopened, can_take_back, next_action
 from study_core.study import Study
 
 Form = Mapping[str, Sequence[str]]
@@ -129,6 +130,15 @@ def end(runtime: Runtime, session_id: str, ending: Ending) -> Screen:
         return SessionEnded(ending) if live.state.ending is None else None
 
     return _cause(runtime, session_id, ended)
+
+
+def reopen(runtime: Runtime, session_id: str) -> Screen:
+    """Lets somebody go on whose session has ended before its path does; one that can't be reopened stays as it is."""
+
+    def reopened(live: LiveSession) -> SessionReopened | None:
+        return SessionReopened() if can_be_reopened(live.state) else None
+
+    return _cause(runtime, session_id, reopened)
 
 
 def _cause(runtime: Runtime, session_id: str, due: Callable[[LiveSession], Event | None]) -> Screen:

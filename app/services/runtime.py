@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from app.services.computations import hand_over
 from app.services.continuation import Computation, ContinueFn, Engine, FeatureRequest, LearnFn, TestSetFn
 from app.services.population import PopulationTrainer
+from app.services.standing import standing_of
 from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
@@ -117,7 +118,7 @@ class Runtime:
         """Stores a study, and computes its test set unless it is stored already."""
         with self._lock:
             if study.hash not in self._studies:
-                self.store.put_study(study.hash, study.name, study.text)
+                self.store.put_study(study.hash, study.name, study.text, study.version, study.condition)
                 self._studies[study.hash] = OpenStudy(study, self._test_set(study))
             return self._studies[study.hash]
 
@@ -211,7 +212,14 @@ class Runtime:
         try:
             goes_on_from_people = live.state.knowledge.population is not None
             self.store.append(
-                live.record.id, live.state.n_events, new, posterior, report, goes_on_from_people, state.ending
+                live.record.id,
+                live.state.n_events,
+                new,
+                posterior,
+                report,
+                goes_on_from_people,
+                state.ending,
+                standing_of(live.study, state, events, posterior, report),
             )
         except SessionDeletedError:
             self.forget(live.record.id)

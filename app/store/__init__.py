@@ -3,10 +3,23 @@
 The only package that imports SQLAlchemy. Its rows stay inside; records go in and come out.
 """
 
+from app.store.desk import DeskStore
+from app.store.desk_records import (
+    ApiToken,
+    Arm,
+    AuditEntry,
+    Experimenter,
+    PersonLine,
+    Review,
+    Role,
+    Verdict,
+)
 from app.store.errors import (
+    ExperimenterKnownError,
     PersonKnownError,
     PopulationWithdrawnError,
     PositionTakenError,
+    ReviewChangedError,
     SessionDeletedError,
     StoreError,
     TokenTakenError,
@@ -24,12 +37,20 @@ from app.store.records import (
     PosteriorRecord,
     SessionRecord,
     Source,
+    Standing,
+    StudyRecord,
 )
 from app.store.store import Store, open_existing_store, open_store
 
 __all__ = [
+    "ApiToken",
+    "Arm",
+    "AuditEntry",
     "Deletion",
+    "DeskStore",
     "EventRecord",
+    "Experimenter",
+    "ExperimenterKnownError",
     "ExternalPerson",
     "ImportedSession",
     "MeasureRecord",
@@ -37,15 +58,22 @@ __all__ = [
     "NewEvent",
     "NewReport",
     "PersonKnownError",
+    "PersonLine",
     "PopulationWithdrawnError",
     "PositionTakenError",
     "PosteriorRecord",
+    "Review",
+    "ReviewChangedError",
+    "Role",
     "SessionDeletedError",
     "SessionRecord",
     "Source",
+    "Standing",
     "Store",
     "StoreError",
+    "StudyRecord",
     "TokenTakenError",
+    "Verdict",
     "open_existing_store",
     "open_store",
     "serve_lock",

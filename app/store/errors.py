@@ -28,3 +28,11 @@ class PersonKnownError(StoreError):
 
 class PopulationWithdrawnError(PositionTakenError):
     """Somebody whom the session's start was learned from has been deleted. Nothing was written; read the log again."""
+
+
+class ExperimenterKnownError(StoreError):
+    """There is an experimenter of that name, or an owner, already; nothing was written."""
+
+
+class ReviewChangedError(StoreError):
+    """Somebody else has changed what is decided about a person; nothing was written."""

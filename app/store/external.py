@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 
-from sqlalchemy import Select, select
+from sqlalchemy import Select, delete, func, select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
 from app.store.codec import decode_json, encode_json
 from app.store.errors import PersonKnownError
-from app.store.models import ExternalPersonRow
+from app.store.models import ExternalPersonRow, SessionRow
 from app.store.records import ExternalPerson, SessionRecord
 
 
@@ -53,6 +54,15 @@ def sessions_of_same_person(rows: Session, session_id: str) -> Sequence[str]:
         return [session_id]
     query = _sessions_of(person.study_name, person.external_id).order_by(ExternalPersonRow.attempt)
     return [row.session_id for row in rows.scalars(query)]
+
+
+def forget_of_ended(rows: Session, study_name: str, begun_before: datetime) -> int:
+    """Forgets who the people of a study were to whoever sent them, where the session has ended; returns of how many."""
+    ended = select(SessionRow.id).where(SessionRow.ending.is_not(None), SessionRow.created_at < begun_before)
+    of_them = (ExternalPersonRow.study_name == study_name) & ExternalPersonRow.session_id.in_(ended)
+    n_people = rows.scalar(select(func.count()).where(of_them)) or 0
+    rows.execute(delete(ExternalPersonRow).where(of_them))
+    return n_people
 
 
 def _newest(rows: Session, study_name: str, external_id: str) -> ExternalPersonRow | None:

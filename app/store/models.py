@@ -42,14 +42,19 @@ class Base(DeclarativeBase):
 
 
 class StudyRow(Base):
-    """A study definition's text, kept for ever under its hash."""
+    """A study definition's text, kept for ever under its hash.
+
+    Where a study has conditions, each has a text of its own; they share their file's `version`.
+    """
 
     __tablename__ = "studies"
 
     study_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
-    name: Mapped[str] = mapped_column(Text)
+    name: Mapped[str] = mapped_column(Text, index=True)
     text: Mapped[str] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    version: Mapped[str] = mapped_column(String(64))
+    condition: Mapped[str | None] = mapped_column(String(64))
 
 
 class SessionRow(Base):
@@ -215,6 +220,101 @@ class SecretRow(Base):
     name: Mapped[str] = mapped_column(String(64), primary_key=True)
     value: Mapped[bytes] = mapped_column(LargeBinary)
     created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class ExperimenterRow(Base):
+    """Somebody who may use the desk."""
+
+    __tablename__ = "experimenters"
+    __table_args__ = (CheckConstraint("role IN ('owner', 'assistant', 'viewer')", name="known_role"),)
+
+    name: Mapped[str] = mapped_column(String(64), primary_key=True)
+    password_hash: Mapped[str] = mapped_column(Text)
+    role: Mapped[str] = mapped_column(String(16))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class DeskSessionRow(Base):
+    """A browser in which an experimenter is logged in, by the hash of its secret."""
+
+    __tablename__ = "desk_sessions"
+
+    token_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
+    experimenter: Mapped[str] = mapped_column(ForeignKey("experimenters.name", ondelete="CASCADE"))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    last_seen_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class ApiTokenRow(Base):
+    """A program that an experimenter lets in, by the hash of its secret."""
+
+    __tablename__ = "api_tokens"
+    __table_args__ = (
+        UniqueConstraint("token_hash"),
+        CheckConstraint("role IN ('owner', 'assistant', 'viewer')", name="known_role"),
+    )
+
+    id: Mapped[str] = mapped_column(String(16), primary_key=True)
+    token_hash: Mapped[str] = mapped_column(String(64))
+    experimenter: Mapped[str] = mapped_column(ForeignKey("experimenters.name", ondelete="CASCADE"))
+    label: Mapped[str] = mapped_column(String(100))
+    role: Mapped[str] = mapped_column(String(16))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+
+
+class ReviewRow(Base):
+    """What experimenters have decided about a session; `revision` counts its changes."""
+
+    __tablename__ = "reviews"
+    __table_args__ = (CheckConstraint("verdict IN ('rejected', 'excluded')", name="known_verdict"),)
+
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    verdict: Mapped[str | None] = mapped_column(String(16))
+    reason: Mapped[str] = mapped_column(Text)
+    note: Mapped[str] = mapped_column(Text)
+    revision: Mapped[int]
+    changed_by: Mapped[str] = mapped_column(String(64))
+    changed_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class AuditRow(Base):
+    """Something that an experimenter did; never changed, and it outlives them and whom it was about."""
+
+    __tablename__ = "audit"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    at: Mapped[datetime] = mapped_column(UtcDateTime)
+    who: Mapped[str] = mapped_column(String(64))
+    action: Mapped[str] = mapped_column(String(64))
+    about: Mapped[str | None] = mapped_column(String(255))
+    detail: Mapped[str] = mapped_column(Text)
+
+
+class StandingRow(Base):
+    """Where a session stands: follows from its log, and is written with it, so that nobody reads whole logs to see."""
+
+    __tablename__ = "standings"
+
+    session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
+    n_events: Mapped[int]
+    last_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    step: Mapped[int]
+    n_answers: Mapped[int]
+    test_answers: Mapped[str] = mapped_column(Text)
+    n_repeats: Mapped[int]
+    n_repeats_agreed: Mapped[int]
+    n_checks: Mapped[int]
+    n_checks_passed: Mapped[int]
+    n_sided: Mapped[int]
+    n_first: Mapped[int]
+    response_ms: Mapped[int]
+    n_waits: Mapped[int]
+    waited_ms: Mapped[int]
+    focus_losses: Mapped[int]
+    r_hat: Mapped[float | None]
+    ess: Mapped[float | None]
+    mean: Mapped[bytes | None] = mapped_column(LargeBinary)
 
 
 class TombstoneRow(Base):

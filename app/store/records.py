@@ -43,6 +43,25 @@ class SessionRecord:
 
 
 @dataclass(frozen=True)
+class StudyRecord:
+    """A text under which sessions were created.
+
+    Attributes:
+        study_hash: SHA-256 of the text, in hex.
+        name: The study's name.
+        version: SHA-256 of the study file's text, in hex: the same for all its conditions.
+        condition: The condition that the text is of; None where the file has none.
+        created_at: When it was first kept, aware, UTC.
+    """
+
+    study_hash: str
+    name: str
+    version: str
+    condition: str | None
+    created_at: datetime
+
+
+@dataclass(frozen=True)
 class ExternalPerson:
     """Who somebody is to the service or experimenter that sent them.
 
@@ -143,6 +162,45 @@ class ModelRecord:
     key: str
     content: bytes
     lineage: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where a session stands, as far as its log says.
+
+    Attributes:
+        step: Place in the path, from 0.
+        n_answers: Answers that stand, practice among them.
+        test_answers: The answers to the common test queries so far, one letter each: `a`, `b`, or `-` for neither.
+        n_repeats: Repeated queries answered.
+        n_repeats_agreed: Those of them answered as the first time.
+        n_checks: Checks answered.
+        n_checks_passed: Those of them answered as told.
+        n_sided: Answers that chose a side, to queries whose sides are known.
+        n_first: Those of them that chose what stood first.
+        response_ms: Sum of all response times.
+        is_wait: Whether the last thing that happened is a question that somebody had to wait for.
+        focus_losses: How often a browser's page was hidden during the last answer.
+        r_hat: The worst of the last posterior; None without a new one.
+        ess: The least effective sample size of the last posterior; None without a new one.
+        mean: The last posterior's mean, shape `(d,)`; None without a new one.
+    """
+
+    step: int
+    n_answers: int
+    test_answers: str
+    n_repeats: int
+    n_repeats_agreed: int
+    n_checks: int
+    n_checks_passed: int
+    n_sided: int
+    n_first: int
+    response_ms: int
+    is_wait: bool = False
+    focus_losses: int = 0
+    r_hat: float | None = None
+    ess: float | None = None
+    mean: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from uuid import uuid4
 
-from sqlalchemy import func, select, update
+from sqlalchemy import Select, func, select, update
 from sqlalchemy.orm import Session
 
 from app.store import studies
@@ -19,9 +18,12 @@ _OLDEST_FIRST = (SessionRow.created_at, SessionRow.study_hash, SessionRow.ordina
 
 
 def create(rows: Session, study_hash: str, source: Source, import_digest: str | None = None) -> SessionRecord:
-    """Adds a session under the study's next number."""
-    studies.text(rows, study_hash)
-    newest = rows.scalar(select(func.max(SessionRow.ordinal)).where(SessionRow.study_hash == study_hash))
+    """Adds a session under the next number of the study, which goes through all its versions and conditions."""
+    newest = rows.scalar(
+        select(func.max(SessionRow.ordinal)).where(
+            SessionRow.study_hash.in_(_versions_of(studies.name(rows, study_hash)))
+        )
+    )
     row = SessionRow(
         id=uuid4().hex,
         study_hash=study_hash,
@@ -32,7 +34,7 @@ def create(rows: Session, study_hash: str, source: Source, import_digest: str | 
     )
     rows.add(row)
     rows.flush()
-    return _record(row)
+    return record_of(row)
 
 
 def by_id(rows: Session, session_id: str) -> SessionRecord:
@@ -40,13 +42,13 @@ def by_id(rows: Session, session_id: str) -> SessionRecord:
     row = rows.get(SessionRow, session_id)
     if row is None:
         raise unknown(rows, session_id)
-    return _record(row)
+    return record_of(row)
 
 
 def by_import(rows: Session, import_digest: str) -> SessionRecord | None:
     """The session that was imported from files of that digest, if any."""
     row = rows.scalar(select(SessionRow).where(SessionRow.import_digest == import_digest))
-    return None if row is None else _record(row)
+    return None if row is None else record_of(row)
 
 
 def unknown(rows: Session, session_id: str) -> StoreError:
@@ -65,27 +67,13 @@ def every(rows: Session, study_hash: str | None) -> list[SessionRecord]:
     query = select(SessionRow).order_by(*_OLDEST_FIRST)
     if study_hash is not None:
         query = query.where(SessionRow.study_hash == study_hash)
-    return [_record(row) for row in rows.scalars(query)]
+    return [record_of(row) for row in rows.scalars(query)]
 
 
 def of_study_named(rows: Session, name: str) -> list[SessionRecord]:
     """The sessions of every version of the study that has this name, oldest first."""
-    versions = select(StudyRow.study_hash).where(StudyRow.name == name)
-    query = select(SessionRow).where(SessionRow.study_hash.in_(versions)).order_by(*_OLDEST_FIRST)
-    return [_record(row) for row in rows.scalars(query)]
-
-
-def n_within_reach(rows: Session, study_name: str, begun_since: datetime) -> int:
-    """How many participants of a study have completed it, or have begun it since then and not ended."""
-    versions = select(StudyRow.study_hash).where(StudyRow.name == study_name)
-    has_completed = SessionRow.ending == COMPLETED
-    is_under_way = SessionRow.ending.is_(None) & (SessionRow.created_at >= begun_since)
-    query = select(func.count()).where(
-        SessionRow.study_hash.in_(versions),
-        SessionRow.source == Source.JOINED.value,
-        has_completed | is_under_way,
-    )
-    return rows.scalar(query) or 0
+    query = select(SessionRow).where(SessionRow.study_hash.in_(_versions_of(name))).order_by(*_OLDEST_FIRST)
+    return [record_of(row) for row in rows.scalars(query)]
 
 
 def end(rows: Session, session_id: str, ending: str | None) -> None:
@@ -102,7 +90,12 @@ def ending(rows: Session, session_id: str) -> str | None:
     return rows.scalar(select(SessionRow.ending).where(SessionRow.id == session_id))
 
 
-def _record(row: SessionRow) -> SessionRecord:
+def _versions_of(name: str) -> Select[str]:
+    return select(StudyRow.study_hash).where(StudyRow.name == name)
+
+
+def record_of(row: SessionRow) -> SessionRecord:
+    """What goes out of the store of a session's row."""
     return SessionRecord(
         id=row.id,
         study_hash=row.study_hash,

@@ -21,9 +21,12 @@ from app.store import (
     posteriors,
     secrets,
     sessions,
+    standings,
     studies,
     tokens,
 )
+from app.store.desk import DeskStore
+from app.store.desk_records import Arm, PersonLine
 from app.store.engine import Database, parse_url
 from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
@@ -39,6 +42,8 @@ from app.store.records import (
     PosteriorRecord,
     SessionRecord,
     Source,
+    Standing,
+    StudyRecord,
 )
 from app.store.sqlite import database_path, is_sqlite
 
@@ -111,14 +116,33 @@ class Store:
         """Closes every connection, after the write that is under way; later calls are refused."""
         self._database.close()
 
-    def put_study(self, study_hash: str, name: str, text: str) -> None:
+    @property
+    def desk(self) -> DeskStore:
+        """What the experimenters' desk keeps."""
+        return DeskStore(self._database)
+
+    def put_study(
+        self, study_hash: str, name: str, text: str, version: str | None = None, condition: str | None = None
+    ) -> None:
         """Keeps a study's text under its hash; doing it twice changes nothing.
+
+        Args:
+            study_hash: SHA-256 of the text, in hex.
+            name: The study's name.
+            text: What a session under it reads.
+            version: SHA-256 of the study file's text, where the text is one condition's; the same without conditions.
+            condition: The condition's name.
 
         Raises:
             StoreError: When another text is kept under the hash.
         """
         with self._database.writing() as rows:
-            studies.put(rows, study_hash, name, text)
+            studies.put(rows, study_hash, name, text, version or study_hash, condition)
+
+    def studies(self) -> list[StudyRecord]:
+        """Every text that was kept, newest first."""
+        with self._database.reading() as rows:
+            return studies.every(rows)
 
     def study_text(self, study_hash: str) -> str:
         """The study text kept under a hash."""
@@ -181,7 +205,14 @@ class Store:
         with self._database.writing() as rows:
             if sessions.by_import(rows, imported.digest) is not None:
                 return None
-            studies.put(rows, imported.study_hash, imported.study_name, imported.study_text)
+            studies.put(
+                rows,
+                imported.study_hash,
+                imported.study_name,
+                imported.study_text,
+                imported.study_hash,
+                None,
+            )
             rows.flush()
             record = sessions.create(rows, imported.study_hash, Source.IMPORTED, imported.digest)
             sessions.end(rows, record.id, "completed")
@@ -210,10 +241,47 @@ class Store:
         with self._database.reading() as rows:
             return external.of_session(rows, session_id)
 
-    def n_within_reach(self, study_name: str, begun_since: datetime) -> int:
-        """How many participants have completed a study, or have begun it since then and not ended."""
+    def arms(self, study_name: str, heard_since: datetime) -> list[Arm]:
+        """How many people have completed each condition of a study, or are under way in it, heard of since then.
+
+        Rejected and excluded people count no more. A condition that nobody has met isn't in the list.
+        """
         with self._database.reading() as rows:
-            return sessions.n_within_reach(rows, study_name, begun_since)
+            return standings.arms(rows, study_name, heard_since)
+
+    def person_lines(self, study_name: str) -> list[PersonLine]:
+        """Everybody in a study, whatever the version, oldest first: one quick query."""
+        with self._database.reading() as rows:
+            return standings.lines(rows, study_name)
+
+    def person_line(self, session_id: str) -> PersonLine:
+        """One person of them."""
+        with self._database.reading() as rows:
+            name = studies.name(rows, sessions.by_id(rows, session_id).study_hash)
+            return standings.lines(rows, name, session_id)[0]
+
+    def put_standing(self, session_id: str, n_events: int, standing: Standing) -> None:
+        """Keeps where a session stands whose log was written without; see `append`."""
+        with self._database.writing() as rows:
+            sessions.by_id(rows, session_id)
+            standings.put(rows, session_id, n_events, standing)
+
+    def standing_lengths(self) -> dict[str, int]:
+        """By session, the length of the log that its standing was written with."""
+        with self._database.reading() as rows:
+            return standings.lengths(rows)
+
+    def forget_external_people(self, study_name: str, begun_before: datetime) -> int:
+        """Forgets the external ids of people whose sessions began before that and have ended.
+
+        Returns:
+            Of how many.
+        """
+        with self._database.writing() as rows:
+            n_forgotten = external.forget_of_ended(rows, study_name, begun_before)
+        if n_forgotten:
+            self._database.wipe()
+        return n_forgotten
 
     def ending(self, session_id: str) -> str | None:
         """How a session has ended, such as `completed`; None while it goes on."""
@@ -281,6 +349,7 @@ class Store:
         report: NewReport | None = None,
         goes_on_from_people: bool = False,
         ending: str | None = None,
+        standing: Standing | None = None,
     ) -> None:
         """Appends events to a session's log, all or none.
 
@@ -292,6 +361,7 @@ class Store:
             report: What the browser measured while it showed an answered query.
             goes_on_from_people: Whether the caller believes that the session still has what the people before taught.
             ending: How the session has ended with these events; None while it goes on.
+            standing: Where the session stands after them.
 
         Raises:
             PopulationWithdrawnError: It hasn't, or the events hold what somebody taught who has been deleted since.
@@ -304,6 +374,8 @@ class Store:
             sessions.end(rows, session_id, ending)
             if report is not None:
                 measures.add(rows, session_id, report)
+            if standing is not None:
+                standings.put(rows, session_id, expected_position + len(new_events), standing)
 
     def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
         """A session's posteriors, ordered by query index."""

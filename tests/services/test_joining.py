@@ -71,10 +71,11 @@ def session_of(runtime: Runtime, token: str) -> str:
 
 
 def grow_old(database_url: str, session_id: str, hours: float) -> None:
-    """Lets a session have begun so many hours ago."""
+    """Lets a session have begun so many hours ago, and nothing have been heard of it since."""
     begun = (datetime.now(UTC) - timedelta(hours=hours)).strftime("%Y-%m-%d %H:%M:%S.%f")
     with closing(sqlite3.connect(database_url.removeprefix("sqlite:///"))) as rows, rows:
         rows.execute("UPDATE sessions SET created_at = ? WHERE id = ?", (begun, session_id))
+        rows.execute("UPDATE standings SET last_at = ? WHERE session_id = ?", (begun, session_id))
 
 
 def all_at_once(*actions: Callable[[], Welcome]) -> list[Welcome]:

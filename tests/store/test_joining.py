@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from app.store import (
+    Arm,
     ExternalPerson,
     NewEvent,
     PersonKnownError,
@@ -133,8 +134,8 @@ def test_places_are_taken_by_whoever_has_completed_or_may_still(store):
         assert store.ending(session.id) == ending
     store.create_session("v1", "rehearsed", Source.REHEARSED)
     somebody(store, "elsewhere", "o")
-    assert store.n_within_reach("mine", now - timedelta(hours=1)) == 2
-    assert store.n_within_reach("mine", now + timedelta(hours=1)) == 1
+    assert store.arms("mine", now - timedelta(hours=1)) == [Arm(None, n_completed=1, n_under_way=1)]
+    assert store.arms("mine", now + timedelta(hours=1)) == [Arm(None, n_completed=1, n_under_way=0)]
 
 
 def test_a_session_that_goes_on_after_all_has_not_ended(store):

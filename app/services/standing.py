@@ -1,0 +1,108 @@
+"""Where a session stands: what a monitor shows of it, written with every change of its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from app.store import NewReport, PosteriorRecord, SessionDeletedError, Standing, Store
+from study_core import session_codec
+from study_core.comparison import Choice
+from study_core.events import AnswerGiven, Event, QueryPrepared
+from study_core.plan import Phase, Position, position_of
+from study_core.session import Action, SessionState, next_action, reduce
+from study_core.study import Study, parse_study
+
+_NO_SIDE = "-"
+
+
+def standing_of(
+    study: Study,
+    state: SessionState,
+    events: Sequence[Event] = (),
+    posterior: PosteriorRecord | None = None,
+    report: NewReport | None = None,
+) -> Standing:
+    """Returns where a session stands.
+
+    Args:
+        study: The study.
+        state: What its log says.
+        events: What has just happened, last in the log.
+        posterior: The posterior that came with it.
+        report: What the browser measured meanwhile.
+    """
+    asked = list(zip(state.prepared, state.answers, strict=False))
+    repeats = [(query, given) for query, given in asked if query.repeat_of is not None]
+    checks = [(query, given) for query, given in asked if query.instructed is not None]
+    places = [position_of(query.first_shown, given.choice) for query, given in asked]
+    return Standing(
+        step=state.step,
+        n_answers=len(state.answers),
+        test_answers="".join(_letter(given) for query, given in asked if query.phase is Phase.TEST),
+        n_repeats=len(repeats),
+        n_repeats_agreed=sum(
+            given.choice is state.answers[query.repeat_of].choice
+            for query, given in repeats
+            if query.repeat_of is not None
+        ),
+        n_checks=len(checks),
+        n_checks_passed=sum(
+            position_of(query.first_shown, given.choice) is query.instructed for query, given in checks
+        ),
+        n_sided=sum(place is not None for place in places),
+        n_first=places.count(Position.FIRST),
+        response_ms=sum(given.response_time_ms or 0 for given in state.answers),
+        is_wait=_is_wait(study, state, events),
+        focus_losses=0 if report is None else _count(report.measures.get("hidden")),
+        **({} if posterior is None else _learned(posterior)),
+    )
+
+
+def catch_up(store: Store, on_session: Callable[[], None] = lambda: None) -> int:
+    """Writes where the sessions stand of which that isn't known: imported ones, and those of an older schema.
+
+    Returns:
+        How many.
+    """
+    known = store.standing_lengths()
+    missing = [record for record in store.sessions() if record.id not in known]
+    for record in missing:
+        study = parse_study(store.study_text(record.study_hash))
+        try:
+            stored = store.events(record.id)
+            state = reduce(study, (session_codec.from_json(event.kind, event.payload) for event in stored))
+            posteriors = store.posteriors(record.id)
+            last = posteriors[-1] if posteriors else None
+            store.put_standing(record.id, state.n_events, standing_of(study, state, posterior=last))
+        except SessionDeletedError:
+            continue
+        on_session()
+    return len(missing)
+
+
+def _letter(given: AnswerGiven) -> str:
+    return given.choice.value if given.choice in (Choice.A, Choice.B) else _NO_SIDE
+
+
+def _is_wait(study: Study, state: SessionState, events: Sequence[Event]) -> bool:
+    """Returns whether a question comes on its own, after what was done before it: somebody has waited for it."""
+    is_prepared = bool(events) and isinstance(events[-1], QueryPrepared)
+    is_alone = not any(isinstance(event, AnswerGiven) for event in events)
+    return is_prepared and is_alone and bool(state.answers) and next_action(study, state) is Action.ASK
+
+
+def _count(value: object) -> int:
+    # Nobody vouches for what a browser sends.
+    return value if type(value) is int and 0 <= value < 10_000 else 0
+
+
+def _learned(posterior: PosteriorRecord) -> dict[str, Any]:
+    summary = posterior.summary
+    r_hat = [value for value in summary.get("r_hat", ()) if value is not None]
+    ess = [value for value in summary.get("ess_bulk", ()) if value is not None]
+    return {
+        "mean": posterior.mean,
+        "r_hat": max(r_hat, default=None),
+        "ess": min(ess, default=None),
+    }
