@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import time
+from collections.abc import Iterator
 from importlib.metadata import version
 
 from app.machine import machine
@@ -85,8 +86,16 @@ def test_set(study_text: str) -> tuple[ProposedQuery, ...]:
 
 def clip_digests(domain: Domain, query: Query, first_shown: Choice) -> dict[str, str]:
     """Returns the SHA-256 of the clip that shows a query, in each layout."""
+    clips = build_clips(domain, query, first_shown)
+    return {
+        layout.value: hashlib.sha256(clip).hexdigest() for layout, clip in zip(Layout, clips, strict=True)
+    }
+
+
+def build_clips(domain: Domain, query: Query, first_shown: Choice) -> Iterator[bytes]:
+    """Gives the clip that shows a query, in each layout."""
     first, second = scenes(domain, query, first_shown)
-    return {layout.value: hashlib.sha256(build_clip(first, second, layout)).hexdigest() for layout in Layout}
+    return (build_clip(first, second, layout) for layout in Layout)
 
 
 def scenes(domain: Domain, query: Query, first_shown: Choice) -> tuple[Scene, Scene]:

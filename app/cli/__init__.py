@@ -8,7 +8,8 @@ import typer
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
-from app.cli.data import delete, export, import_, migrate
+from app.cli.data import delete, import_, migrate
+from app.cli.exporting import export
 from app.cli.learning import evaluate, report, train
 from app.cli.serving import link, serve
 from app.cli.sessions import replay, simulate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -13,24 +13,6 @@ from app.cli.learning import learn_populations
 from app.cli.options import DatabaseOption
 from app.settings import DEFAULT_DATABASE
 from app.terminal import JsonOption, console, counter, new_progress
-
-
-def export(
-    out: Annotated[Path, typer.Argument(help="A new folder.")],
-    format_: Annotated[Literal["csv", "jsonl"], typer.Option("--format", help="One file a table.")] = "csv",
-    people: Annotated[
-        Literal["real", "rehearsed", "imported", "all"], typer.Option(help="Whose sessions.")
-    ] = "real",
-    database: DatabaseOption = DEFAULT_DATABASE,
-) -> None:
-    """Write people, queries, answers, posteriors and events as tidy tables, with the study files."""
-    from app.services.export import export as export_tables
-    from app.store import open_existing_store
-
-    with open_existing_store(database) as store, new_progress() as progress:
-        task = progress.add_task("people", total=None)
-        n_people = export_tables(store, out, format_, people, lambda: progress.advance(task))
-    console.print(f"Wrote {n_people} people to {out}.")
 
 
 def import_(

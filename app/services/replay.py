@@ -11,6 +11,7 @@ from typing import Any
 
 from app.errors import AppError
 from app.services import study as services
+from app.services.export import open_export
 from app.services.runtime import Runtime
 from app.services.summary import Json, summarise
 from app.services.walk import walk
@@ -22,7 +23,7 @@ from study_core.events import AnswerGiven, FeatureLearned, PopulationAdopted, Qu
 from study_core.queries import Participant
 from study_core.replay import first_difference
 from study_core.session import reduce
-from study_core.study import Study, parse_study
+from study_core.study import Study
 
 
 class ReplayDifferenceError(AppError):
@@ -189,35 +190,18 @@ def _parsed(path: Path, number: int, line: str) -> Json:
 
 
 def _read_export(folder: Path) -> Iterator[Script]:
-    people = folder / "people.jsonl"
-    if not people.exists():
-        raise ScriptError(
-            f"{folder} holds no people.jsonl. Give a directory that `export --format jsonl` wrote."
-        )
+    export = open_export(folder)
+    people = export.people()
     _refuse_imported(folder, people)
-    if not people.stat().st_size:
-        raise ScriptError(f"{people} holds nobody, so there is nothing to replay. Export again.")
-    logs: dict[str, list[Json]] = {}
-    for _, row in _json_lines(folder / "events.jsonl"):
-        logs.setdefault(row["person_id"], []).append(row)
-    for _, person in _json_lines(people):
-        study = _exported_study(folder, person["study_hash"])
-        yield _exported_script(folder, person["person_id"], study, logs.get(person["person_id"], []))
+    for person in people:
+        person_id = person["person_id"]
+        yield _exported_script(
+            folder, person_id, export.study(person["study_hash"]), export.events(person_id)
+        )
 
 
-def _exported_study(folder: Path, study_hash: str) -> Study:
-    path = folder / "studies" / f"{study_hash}.toml"
-    try:
-        study = parse_study(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ScriptError(f"Can't read {path}: {error.strerror}. Export again.") from error
-    if study.hash != study_hash:
-        raise ScriptError(f"{path} was changed after the export: its hash is {study.hash}. Export again.")
-    return study
-
-
-def _refuse_imported(folder: Path, people: Path) -> None:
-    imported = [row["person_id"] for _, row in _json_lines(people) if row.get("source") == "imported"]
+def _refuse_imported(folder: Path, people: list[Json]) -> None:
+    imported = [row["person_id"] for row in people if row["source"] == "imported"]
     if imported:
         raise ScriptError(
             f"{folder}: expected queries that prefstudy chose, but another program chose those of {len(imported)} "

@@ -25,6 +25,7 @@ from app.store.errors import (
     TokenTakenError,
 )
 from app.store.locking import serve_lock
+from app.store.people import PersonRecord
 from app.store.records import (
     Deletion,
     EventRecord,
@@ -59,6 +60,7 @@ __all__ = [
     "NewReport",
     "PersonKnownError",
     "PersonLine",
+    "PersonRecord",
     "PopulationWithdrawnError",
     "PositionTakenError",
     "PosteriorRecord",

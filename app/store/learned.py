@@ -40,6 +40,16 @@ def personal(rows: Session, session_id: str, kind: str) -> ModelRecord | None:
     return None if row is None else _record(row)
 
 
+def every_personal(rows: Session, session_id: str) -> tuple[ModelRecord, ...]:
+    """All models of a person, by kind."""
+    query = (
+        select(PersonalModelRow)
+        .where(PersonalModelRow.session_id == session_id)
+        .order_by(PersonalModelRow.kind)
+    )
+    return tuple(_record(row) for row in rows.scalars(query))
+
+
 def personal_key(rows: Session, session_id: str, kind: str) -> str | None:
     """The key of a person's model of that kind, if there is one; the model itself isn't read."""
     query = select(PersonalModelRow.key).where(
@@ -76,6 +86,14 @@ def shared(rows: Session, study_name: str, kind: str) -> ModelRecord | None:
     """A study's model of that kind, if there is one."""
     row = rows.get(SharedModelRow, (study_name, kind))
     return None if row is None else _record(row)
+
+
+def every_shared(rows: Session, study_name: str) -> tuple[ModelRecord, ...]:
+    """All models of a study, by kind."""
+    query = (
+        select(SharedModelRow).where(SharedModelRow.study_name == study_name).order_by(SharedModelRow.kind)
+    )
+    return tuple(_record(row) for row in rows.scalars(query))
 
 
 def drop_shared_of(rows: Session, session_id: str) -> int:

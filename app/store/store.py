@@ -18,6 +18,7 @@ from app.store import (
     external,
     learned,
     measures,
+    people,
     posteriors,
     secrets,
     sessions,
@@ -30,6 +31,7 @@ from app.store.desk_records import Arm, PersonLine
 from app.store.engine import Database, parse_url
 from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
+from app.store.people import PersonRecord
 from app.store.records import (
     Deletion,
     EventRecord,
@@ -450,3 +452,13 @@ class Store:
         """What browsers measured in a session, in the order it came."""
         with self._database.reading() as rows:
             return measures.of_session(rows, session_id)
+
+    def shared_models(self, study_name: str) -> tuple[ModelRecord, ...]:
+        """All models that learned from several people of a study, by kind."""
+        with self._database.reading() as rows:
+            return learned.every_shared(rows, study_name)
+
+    def person(self, session_id: str) -> PersonRecord:
+        """All that is kept of one person, as it is at one moment, whatever is being written meanwhile."""
+        with self._database.reading() as rows:
+            return people.of_session(rows, session_id)

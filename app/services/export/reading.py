@@ -1,0 +1,234 @@
+"""Reading an export, whatever its form: the same typed rows from CSV, Parquet, JSON Lines and Psych-DS."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from jaxtyping import Float
+
+from app.services.export.blocks import in_blocks
+from app.services.export.columns import Row, TableSchema
+from app.services.export.digests import Edges, TableDigest
+from app.services.export.errors import ExportDifferenceError, ExportError
+from app.services.export.files import batches_in
+from app.services.export.layout import digests_path, file_form, materials, table_path
+from app.services.export.manifest import Manifest, read_manifest
+from app.services.export.runs import Runs
+from app.services.export.values import rows_of
+from study_core.errors import StudyError
+from study_core.study import Study, parse_study
+
+
+def open_export(folder: Path) -> Export:
+    """Opens an exported folder.
+
+    Raises:
+        ExportError: It is none, is damaged, or a later version wrote it; the message says what to do.
+    """
+    if not folder.is_dir():
+        raise ExportError(f"Expected the folder of an export, found none at {folder}. Name one.")
+    export = Export(folder, read_manifest(folder))
+    for name in export.tables:
+        if not export.path_of(name).is_file():
+            raise ExportError(f"Expected the table {export.path_of(name)}, found none. Export again.")
+    return export
+
+
+class Export:
+    """An exported folder, open for reading. Its rows are read when they are asked for, and again each time."""
+
+    def __init__(self, folder: Path, manifest: Manifest) -> None:
+        """Wraps a folder; use `open_export`.
+
+        Args:
+            folder: Of the export.
+            manifest: The one in it.
+        """
+        self.folder = folder
+        self.manifest = manifest
+        self._studies: dict[str, Study] = {}
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Returns the tables' names."""
+        return tuple(self.manifest.tables)
+
+    def path_of(self, table: str) -> Path:
+        """Returns a table's file."""
+        return self.folder / table_path(self.manifest.form, table)
+
+    def study(self, study_hash: str) -> Study:
+        """Returns the study of that hash.
+
+        Raises:
+            ExportError: Its file is missing, or isn't what was exported.
+        """
+        if study_hash not in self._studies:
+            self._studies[study_hash] = self._read_study(study_hash)
+        return self._studies[study_hash]
+
+    def people(self) -> list[Row]:
+        """Returns the rows of the table `people`, in the order in which everybody's rows stand in every table."""
+        return list(self.rows("people"))
+
+    def rows(self, table: str) -> Iterator[Row]:
+        """Gives a table's rows: timestamps aware, JSON as values, None for nothing.
+
+        Raises:
+            ExportError: There is no such table in this export, or it can't be read.
+        """
+        schema = self._schema(table)
+        for batch in self._batches(schema):
+            yield from rows_of(schema, batch)
+
+    def events(self, person_id: str) -> list[Row]:
+        """Returns a person's log. It is quick when people are asked for in the order of `people`."""
+        schema = self._schema("events")
+        return [row for batch in self._logs.of(person_id) for row in rows_of(schema, batch)]
+
+    def samples(self, person_id: str, query_index: int) -> Float[np.ndarray, "n_samples n_weights"]:
+        """Returns the samples of a posterior; none if they weren't exported.
+
+        It is quick in the order of `people` and of the queries.
+        """
+        if "samples" not in self.manifest.tables:
+            return np.empty((0, 0))
+        batches = self._posteriors.of(person_id, query_index)
+        if not batches:
+            return np.empty((0, 0))
+        together = pa.concat_batches(batches)
+        weights = [name for name in together.schema.names if name.startswith("sample_")]
+        known = [together[name] for name in weights if together[name].null_count == 0]
+        return np.stack([array.to_numpy() for array in known], axis=1)
+
+    def check_digests(self, on_row: Callable[[int], None] = lambda n_rows: None) -> None:
+        """Compares every row with the digests that were written with it.
+
+        Args:
+            on_row: Called with each number of rows that were just compared.
+
+        Raises:
+            ExportDifferenceError: Something was changed, added or taken away; the message names the first row, its
+                person and query, the column and the value that stands there now.
+        """
+        for name in self.tables:
+            self._check_table(self._schema(name), on_row)
+        for name, digest in self.manifest.file_digests.items():
+            path = self.folder / name
+            if not path.is_file():
+                raise ExportDifferenceError(f"{path} was exported and is missing. Export again.")
+            if hashlib.sha256(path.read_bytes()).hexdigest() != digest:
+                raise ExportDifferenceError(f"{path} was changed after the export. Export again.")
+
+    def _check_table(self, schema: TableSchema, on_row: Callable[[int], None]) -> None:
+        digest, n_before = TableDigest(schema), 0
+        stored = self._edges(schema)
+        for block in in_blocks(self._batches(schema), schema.block):
+            edges = next(stored, None)
+            _compare(self.path_of(schema.name), schema, block, digest.add(block), edges, n_before)
+            n_before += block.num_rows
+            on_row(block.num_rows)
+        told = self.manifest.n_rows[schema.name]
+        if digest.n_rows < told:
+            raise ExportDifferenceError(
+                f"{self.path_of(schema.name)}: expected {told} rows, found {digest.n_rows}: rows are missing at the "
+                "end. Export again."
+            )
+        if digest.hexdigest() != self.manifest.table_digests[schema.name]:
+            raise ExportDifferenceError(
+                f"{self.path_of(schema.name)} and {self.folder / digests_path(schema.name)} were both changed after "
+                "the export. Export again."
+            )
+
+    def _edges(self, schema: TableSchema) -> Iterator[Edges]:
+        path = self.folder / digests_path(schema.name)
+        try:
+            with path.open(encoding="utf-8") as lines:
+                for line in lines:
+                    yield Edges(**json.loads(line))
+        except (OSError, ValueError, TypeError) as error:
+            raise ExportError(f"Can't read the digests {path}: {error}. Export again.") from error
+
+    def _schema(self, table: str) -> TableSchema:
+        if table not in self.manifest.tables:
+            raise ExportError(
+                f"{self.folder} has no table '{table}', but {', '.join(self.tables)}. Export again with it."
+            )
+        return self.manifest.tables[table]
+
+    def _batches(self, schema: TableSchema) -> Iterator[pa.RecordBatch]:
+        path = self.path_of(schema.name)
+        try:
+            yield from batches_in(path, file_form(self.manifest.form), schema)
+        except (OSError, ValueError) as error:
+            raise ExportDifferenceError(f"{path} isn't what was exported: {error}. Export again.") from error
+
+    @cached_property
+    def _logs(self) -> Runs:
+        return Runs(lambda: self._batches(self._schema("events")), ("person_id",))
+
+    @cached_property
+    def _posteriors(self) -> Runs:
+        return Runs(lambda: self._batches(self._schema("samples")), ("person_id", "query_index"))
+
+    def _read_study(self, study_hash: str) -> Study:
+        path = self.folder / materials(self.manifest.form) / "studies" / f"{study_hash}.toml"
+        try:
+            study = parse_study(path.read_bytes().decode())
+        except OSError as error:
+            raise ExportError(f"Can't read {path}: {error.strerror}. Export again.") from error
+        except (StudyError, UnicodeDecodeError) as error:
+            raise ExportError(f"{path} was changed after the export: {error} Export again.") from error
+        if study.hash != study_hash:
+            raise ExportError(f"{path} was changed after the export: its hash is {study.hash}. Export again.")
+        return study
+
+
+def _compare(
+    path: Path, schema: TableSchema, block: pa.RecordBatch, found: Edges, stored: Edges | None, n_before: int
+) -> None:
+    """Finds the first row of a block that isn't as it was written."""
+    known = stored or Edges([], {})
+    if found == known:
+        return
+    pairs = enumerate(zip(found.rows, known.rows, strict=False))
+    at = next((i for i, (one, other) in pairs if one != other), min(len(found.rows), len(known.rows)))
+    if at == block.num_rows:
+        raise ExportDifferenceError(
+            f"{path}: expected more rows after row {n_before + at}, which is the last. Export again."
+        )
+    (row,) = rows_of(schema, block.slice(at, 1))
+    where = f"{path}, row {n_before + at + 1}{_whose(row)}"
+    if at == len(known.rows):
+        raise ExportDifferenceError(
+            f"{where}: expected no such row; it was added after the export. Export again."
+        )
+    changed = [name for name in schema.names if found.columns[name] != known.columns.get(name)]
+    if len(changed) == len(schema.names):
+        raise ExportDifferenceError(
+            f"{where}: expected another row here; rows were added, removed or moved after the export. Export again."
+        )
+    told = ", ".join(f"{name} is {row[name]!r}" for name in changed[:3])
+    raise ExportDifferenceError(f"{where}: {told}, which is not what was exported. Export again.")
+
+
+def _whose(row: Row) -> str:
+    """Returns whose row it is, and which query's, as far as its table says."""
+    told = [
+        f"{what} {row[name]}"
+        for name, what in (
+            ("person_id", "person"),
+            ("query_index", "query"),
+            ("position", "log position"),
+            ("sample", "sample"),
+            ("item", "item"),
+        )
+        if row.get(name) is not None
+    ]
+    return f" ({', '.join(told)})" if told else ""
