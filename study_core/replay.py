@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from study_core import session_codec
-from study_core.events import Event, QueryPrepared
+from study_core.events import Event, FeatureLearned, QueryPrepared
+from study_core.networks.model import Networks
+from study_core.online.feature import LearnedFeature
 
 # What says when, where and by whom something was computed, not what it is.
 _CIRCUMSTANCES = ("code_version", "compute_ms", "machine")
@@ -45,7 +47,25 @@ def first_difference(stored: Event, derived: Event) -> Difference | None:
 
 
 def _content(event: Event, left_out: tuple[str, ...]) -> session_codec.Json:
-    return {key: value for key, value in session_codec.to_json(event).items() if key not in left_out}
+    content = {key: value for key, value in session_codec.to_json(event).items() if key not in left_out}
+    if isinstance(event, FeatureLearned) and event.feature is not None:
+        content["feature"] = _feature_content(event.feature)
+    return content
+
+
+def _feature_content(feature: LearnedFeature) -> session_codec.Json:
+    """Returns a feature number by number; the version of the program that learned it is a circumstance as well."""
+    checkpoint = feature.checkpoint
+    lineage = asdict(checkpoint.lineage)
+    networks = {each.name: getattr(checkpoint.networks, each.name).tolist() for each in fields(Networks)}
+    return {
+        "n_learned_from": feature.n_learned_from,
+        "networks": networks,
+        "config": checkpoint.config.to_json(),
+        "lineage": lineage | {"versions": list(lineage["versions"][1:])},
+        "drives": feature.drives.tolist(),
+        "drive_weights": feature.drive_weights.tolist(),
+    }
 
 
 def difference_of(stored: object, derived: object, where: str = "") -> Difference | None:

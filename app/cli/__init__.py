@@ -11,8 +11,9 @@ from app.bench.cli import bench
 from app.cli.data import delete, import_, migrate
 from app.cli.exporting import export
 from app.cli.learning import evaluate, report, train
+from app.cli.reproducing import replay
 from app.cli.serving import link, serve
-from app.cli.sessions import replay, simulate
+from app.cli.sessions import simulate
 from app.errors import AppError
 from app.terminal import console
 from study_core.errors import StudyCoreError

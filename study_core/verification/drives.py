@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from study_core.acquisition.free_controls import values_and_gradients
 from study_core.acquisition.pairs import Objective
@@ -120,8 +120,14 @@ def _verify_local(
         return -value, -gradient
 
     # Its first step is as long as the gradient, so near an optimum it stays near.
-    bounds, options = list(zip(lower, upper, strict=True)), {"gtol": 1e-8, "ftol": 1e-14}
-    found = minimize(fall, stored, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    found = minimize(
+        fall,
+        stored,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=Bounds(lower, upper),
+        options={"gtol": 1e-8, "ftol": 1e-14},
+    )
     best = function(np.asarray(found.x))[0]
     value = function(stored)[0]
     findings.compare(quantity, value, max(value, best), OPTIMAL)
