@@ -80,6 +80,19 @@ def bench_serve(
         print_result(serve_bench.run(seed, people, answers, progress), json_)
 
 
+@bench.command("export")
+def bench_export(
+    people: Annotated[int, typer.Option(min=4, help="People of 175 answers each.")] = 200,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+) -> None:
+    """Rows a second and peak memory of exports in each format, against holding all rows and writing them plainly."""
+    from app.bench import export
+
+    with new_progress() as progress:
+        print_result(export.run(seed, people, progress), json_)
+
+
 @bench.command("training")
 def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
     """Time to train the feature networks of a person and of a study, against the plain loop in torch."""

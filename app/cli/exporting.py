@@ -59,7 +59,7 @@ def export(
     from app.services.export import export as export_tables
     from app.store import open_existing_store
 
-    options = ExportOptions(format_, people, study, samples, pseudonyms, keep_times)
+    options = ExportOptions(format_, people, study, samples, pseudonyms is not None, pseudonyms, keep_times)
     with open_existing_store(database) as store, new_progress() as progress:
         n_people = export_tables(
             store, out, options, counter(progress, "people"), build_clips if clips else None

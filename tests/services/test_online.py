@@ -13,7 +13,7 @@ import pytest
 from app import wiring
 from app.services import study as services
 from app.services.continuation import FeatureRequest
-from app.services.export import export
+from app.services.export import ExportOptions, export
 from app.services.learning import feature_before
 from app.services.rehearsal import Crowd, Rehearsal, rehearse
 from app.services.replay import ReplayDifferenceError, read_scripts, replay
@@ -93,8 +93,8 @@ def test_queries_after_a_feature_are_chosen_with_it_and_replay_derives_it_again(
         rehearse(runtime, LONGER, BOTH_SIDES, 1, lambda: None)
         (record,) = runtime.store.sessions()
         prepared = runtime.live(record.id).state.prepared
-        export(runtime.store, tmp_path / "out", "jsonl", "all", lambda: None)
-        export(runtime.store, tmp_path / "csv", "csv", "all", lambda: None)
+        export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "all"))
+        export(runtime.store, tmp_path / "csv", ExportOptions("csv", "all"))
     weights = [one.proposed.provenance.weights_a for one in prepared[:18]]
     assert [len(one) for one in weights] == [4] * 15 + [5] * 3
     with wiring.headless() as runtime:
@@ -194,7 +194,7 @@ def test_what_teaches_nothing_teaches_no_feature_either(tmp_path: Path) -> None:
         rehearse(runtime, study, BOTH_SIDES, 1, lambda: None)
         (record,) = runtime.store.sessions()
         state = runtime.live(record.id).state
-        export(runtime.store, tmp_path / "out", "jsonl", "all", lambda: None)
+        export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "all"))
         prepared, answers = state.prepared, state.answers
     (script,) = read_scripts(tmp_path / "out")
     (learned,) = script.learned

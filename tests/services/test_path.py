@@ -13,7 +13,7 @@ import pytest
 from app import wiring
 from app.services import path, shown
 from app.services import study as services
-from app.services.export import export
+from app.services.export import ExportOptions, export
 from app.services.rehearsal import Crowd, rehearse
 from app.services.replay import read_scripts, replay
 from app.services.runtime import Runtime
@@ -406,7 +406,7 @@ def test_simulated_people_walk_the_whole_path_and_do_as_checks_say(runtime: Runt
 
 
 def exported(runtime: Runtime, folder: Path) -> Path:
-    export(runtime.store, folder, "jsonl", "all", lambda: None)
+    export(runtime.store, folder, ExportOptions("jsonl", "all"))
     return folder
 
 

@@ -17,7 +17,7 @@ from app import wiring
 from app.cli import cli
 from app.engine.on_demand import InlineEngine
 from app.services import study as services
-from app.services.export import export
+from app.services.export import ExportOptions, export
 from app.services.people import person
 from app.services.population import KIND, PopulationRequest, PopulationTrainer, adopted
 from app.services.replay import ReplayDifferenceError, Script, read_scripts, replay
@@ -261,7 +261,7 @@ def exported(runtime: Runtime, tmp_path: Path) -> Path:
     finish(runtime, "babbaababaab")
     learned_from(runtime.store, [record.id for record in runtime.store.sessions()])
     answer(runtime, begin(runtime), "abb")
-    export(runtime.store, tmp_path / "out", "jsonl", "real", lambda: None)
+    export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "real"))
     return tmp_path / "out"
 
 
@@ -295,7 +295,7 @@ def test_queries_that_a_deleted_person_had_a_part_in_are_said_to_be_underivable(
 ) -> None:
     first, second, _ = (record.id for record in runtime.store.sessions())
     runtime.store.delete_session(first)
-    export(runtime.store, tmp_path / "after", "jsonl", "real", lambda: None)
+    export(runtime.store, tmp_path / "after", ExportOptions("jsonl", "real"))
     scripts = list(read_scripts(tmp_path / "after"))
     hindered = [script for script in scripts if script.hindrance]
     assert any(second in script.source for script in hindered)

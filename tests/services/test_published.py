@@ -11,7 +11,7 @@ import pytest
 
 from app import wiring
 from app.services import study as services
-from app.services.export import export
+from app.services.export import ExportOptions, export
 from app.services.published import ImportedPerson, import_person, read_people
 from app.services.replay import read_scripts
 from app.settings import find_study
@@ -108,16 +108,16 @@ def test_an_export_holds_imported_people_beside_our_own(
         _, record = services.join(runtime, find_study("quickstart"))
         services.answer(runtime, record.id, 0, "a", 1234)
         for form in ("jsonl", "csv"):
-            assert export(runtime.store, tmp_path / form, form, "all", lambda: None) == 4  # type: ignore[arg-type]
-        assert export(runtime.store, tmp_path / "ours", "csv", "real", lambda: None) == 1
-        assert export(runtime.store, tmp_path / "theirs", "csv", "imported", lambda: None) == 3
+            assert export(runtime.store, tmp_path / form, ExportOptions(form, "all")) == 4  # type: ignore[arg-type]
+        assert export(runtime.store, tmp_path / "ours", ExportOptions("csv", "real")) == 1
+        assert export(runtime.store, tmp_path / "theirs", ExportOptions("csv", "imported")) == 3
     people = rows(tmp_path / "jsonl" / "people.jsonl")
     assert [row["source"] for row in people] == ["imported"] * 3 + ["joined"]
     assert [row["is_finished"] for row in people] == [True] * 3 + [False]
     queries = rows(tmp_path / "jsonl" / "queries.jsonl")
     assert {tuple(row) for row in queries} == {tuple(queries[0])}
     assert {row["method"] for row in queries} == {"imported", "information-gain-realistic"}
-    assert {row["file"] for row in queries if row["person_id"] == people[1]["person_id"]} == {
+    assert {row["imported_file"] for row in queries if row["person_id"] == people[1]["person_id"]} == {
         "train10jld2",
         "test10.jld2",
     }
@@ -130,7 +130,7 @@ def test_an_export_holds_imported_people_beside_our_own(
 
 def test_an_export_with_imported_people_is_not_replayed(store: Store, folder: Path, tmp_path: Path) -> None:
     imported(store, folder)
-    export(store, tmp_path / "out", "jsonl", "all", lambda: None)
+    export(store, tmp_path / "out", ExportOptions("jsonl", "all"))
     with pytest.raises(ScriptError, match=r"3 imported people.* --people real") as refused:
         list(read_scripts(tmp_path / "out"))
     assert "\n" not in str(refused.value)

@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 
 from app import wiring
-from app.services.export import export
+from app.services.export import ExportOptions, export
 from app.services.rehearsal import Crowd, Rehearsal, rehearse_all
 from app.services.replay import read_scripts, replay
 from app.settings import find_study
@@ -30,7 +30,7 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
                 client.post(home + "answer", json=body).raise_for_status()
         database = server.database
     with open_store(database) as store:
-        export(store, tmp_path / "out", "jsonl", "real", lambda: None)
+        export(store, tmp_path / "out", ExportOptions("jsonl", "real"))
     with wiring.headless() as runtime:
         (script,) = read_scripts(tmp_path / "out")
         summary = replay(runtime, script)

@@ -24,7 +24,8 @@ class ExportOptions:
         people: Real ones, who joined here, rehearsed or imported ones, or all.
         study: Name of the study, in all its versions; None for all studies.
         samples: Of which posteriors the samples are written: all, each person's last, or none.
-        key_file: Where the key to the pseudonyms goes; None leaves people's ids as they are.
+        has_pseudonyms: Whether people get other names, and what others know them by is left out.
+        key_file: Where the key to the pseudonyms goes; None if nobody is to have it.
         keeps_times: Whether times stay as they are where people have pseudonyms; otherwise they count from each
             person's own beginning.
     """
@@ -33,5 +34,6 @@ class ExportOptions:
     people: People = "real"
     study: str | None = None
     samples: Samples = "last"
+    has_pseudonyms: bool = False
     key_file: Path | None = None
     keeps_times: bool = False

@@ -105,11 +105,13 @@ def _whole(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def _pseudonyms(options: ExportOptions, folder: Path) -> Iterator[Pseudonyms | None]:
-    if options.key_file is None:
+    if not options.has_pseudonyms:
         yield None
-        return
-    with new_key_file(options.key_file, folder) as write_key:
-        yield Pseudonyms(write_key, options.keeps_times)
+    elif options.key_file is None:
+        yield Pseudonyms(lambda *row: None, options.keeps_times)
+    else:
+        with new_key_file(options.key_file, folder) as write_key:
+            yield Pseudonyms(write_key, options.keeps_times)
 
 
 class _Export:
