@@ -2,8 +2,8 @@
 
 from app.services.replay.derivation import derive
 from app.services.replay.errors import OtherVersionError, ReplayDifferenceError
-from app.services.replay.export import PersonReplayed, Reproduction, Survey, survey
-from app.services.replay.person import ExportedPerson, exported_person
+from app.services.replay.export import PersonReplayed, Reproduction, Survey, people_of, survey
+from app.services.replay.person import ExportedPerson
 from app.services.replay.script import Script, read_script, replay_script
 from app.services.replay.steps import verify_steps
 
@@ -16,7 +16,7 @@ __all__ = [
     "Script",
     "Survey",
     "derive",
-    "exported_person",
+    "people_of",
     "read_script",
     "replay_script",
     "survey",

@@ -68,7 +68,7 @@ def _compare_query(
     derived = runtime.continue_fn(request_of(opened, state, event.query_index, learned))
     difference = first_difference(event, derived.prepared)
     if difference is not None:
-        what = f"query {event.query_index} is not the one that was asked"
+        what = f"query {event.query_index} is not the one that the answers before it lead to"
         raise _different(person, what, difference)
     return None if derived.posterior is None else posterior_record(event.query_index, derived.posterior)
 

@@ -73,7 +73,7 @@ def survey(export: Export) -> Survey:
     """
     n_people, n_queries, left_out = 0, 0, []
     studies: dict[str, Study] = {}
-    for person in _everybody(export):
+    for person in people_of(export):
         if person.hindrance:
             left_out.append(person.hindrance)
             continue
@@ -113,12 +113,13 @@ class Reproduction:
             OtherVersionError: A query was chosen from another bank.
             ScriptError: Steps are to be verified, and the samples weren't exported.
         """
-        for person in _everybody(self._export):
+        for person in people_of(self._export):
             if not person.hindrance:
                 yield self._one(person, on_query)
 
     def _one(self, person: ExportedPerson, on_query: Callable[[], None]) -> PersonReplayed:
-        compare_tables(self._export, person)
+        participant = person.state.participant
+        assert participant is not None, "who was asked something has begun"
         elsewhere = tuple(sorted(person.machines - {machine()}))
         way: Way = "verified" if self._by_steps or elsewhere else "derived"
         not_verified: Counter[str] = Counter()
@@ -129,17 +130,17 @@ class Reproduction:
         else:
             verifier = self._verifiers.setdefault(person.study.hash, Verifier(person.study))
             not_verified = verify_steps(verifier, self._export, person, on_query).left_out
-        assert person.state.participant is not None, "who was asked something has begun"
+        # Now that the log is known to be right, a table that says something else is wrong.
+        compare_tables(self._export, person)
         return PersonReplayed(
-            person.source,
-            person.study,
-            person.state.participant,
-            way,
-            len(person.queries),
-            elsewhere,
-            not_verified,
+            person.source, person.study, participant, way, len(person.queries), elsewhere, not_verified
         )
 
 
-def _everybody(export: Export) -> Iterator[ExportedPerson]:
+def people_of(export: Export) -> Iterator[ExportedPerson]:
+    """Gives everybody in an export, in the order of its table `people`.
+
+    Raises:
+        ReplayDifferenceError: An entry of a log can't be read.
+    """
     return (exported_person(export, row) for row in export.people())
