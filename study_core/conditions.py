@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from study_core.section import Name, Section
+from study_core.streams import stream
 
 ARM = "arm"
 """Key of the line that names the arm."""
@@ -69,6 +70,15 @@ def _merged(content: Json, change: Json) -> Json:
         old = content.get(key)
         both[key] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
     return both
+
+
+def arm_of_rehearsal(seed: int, number: int, n_arms: int) -> int:
+    """Returns the arm of a simulated person: of each so many in a row, one in each arm, in random order.
+
+    Unlike real people, whom `choose` sends where somebody is missing, they come to the same arm whoever leaves.
+    """
+    block, place = divmod(number - 1, n_arms)
+    return int(stream(seed, "simulated-condition", block).permutation(n_arms)[place])
 
 
 def choose(rng: np.random.Generator, conditions: Sequence[T], n_people: Sequence[int]) -> T:

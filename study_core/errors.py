@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 
 class StudyCoreError(Exception):
@@ -33,7 +34,28 @@ class BankError(StudyCoreError):
 
 
 class StudyError(StudyCoreError):
-    """A study file that can't be used; the message names the key and what was expected."""
+    """A study file that can't be used; the message names the key and what was expected.
+
+    Attributes:
+        problems: All that is wrong, where that is known; the message says the first.
+    """
+
+    def __init__(self, message: str, problems: tuple[StudyProblem, ...] = ()) -> None:
+        super().__init__(message)
+        self.problems = problems
+
+
+@dataclass(frozen=True)
+class StudyProblem:
+    """One thing that is wrong with a study file.
+
+    Attributes:
+        location: Where in the file: keys, and places in lists from 0.
+        message: What was expected there, and what came.
+    """
+
+    location: tuple[str | int, ...]
+    message: str
 
 
 class SessionError(StudyCoreError):

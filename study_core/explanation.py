@@ -7,17 +7,30 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
 
+from study_core.errors import StudyProblem
 from study_core.study_file import StudyFile
 
 
 def explain(error: ValidationError) -> str:
     """Returns one line about the first thing that is wrong, and how many more there are."""
+    problems = explain_all(error)
+    line = problems[0].message
+    return line if len(problems) == 1 else f"{line} ({len(problems) - 1} more after this one)"
+
+
+def explain_all(error: ValidationError) -> tuple[StudyProblem, ...]:
+    """Returns everything that is wrong, what is misspelt first."""
     # A misspelt key is also a missing one; its own spelling says more.
     problems = sorted(
         error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden"
     )
-    line = _explain_one(problems[0])
-    return line if len(problems) == 1 else f"{line} ({len(problems) - 1} more after this one)"
+    return tuple(
+        StudyProblem(
+            tuple(part for part in problem["loc"] if not _is_tag(part) and part != "[key]"),
+            _explain_one(problem),
+        )
+        for problem in problems
+    )
 
 
 def _explain_one(problem: Any) -> str:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
+
 from study_core.path import ChoiceItem, Item, LikertItem, NumberItem, ScaleItem, TextItem
 
 Value = float | int | str | list[str] | None
@@ -74,6 +76,24 @@ def example_answer(item: Item) -> str:
     if isinstance(item, NumberItem):
         return str(_example_number(item))
     return str(_plain(_scale(item)[0]))
+
+
+def random_answer(item: Item, rng: np.random.Generator) -> str:
+    """Returns something that a field could hold, whatever is right and whatever screens out."""
+    if isinstance(item, TextItem):
+        return "-"
+    if isinstance(item, ChoiceItem):
+        return item.options[int(rng.integers(len(item.options)))].name
+    if isinstance(item, NumberItem):
+        least = 0.0 if item.least is None else item.least
+        most = least + 100.0 if item.most is None else item.most
+        return str(
+            int(rng.integers(math.ceil(least), math.floor(most) + 1))
+            if item.whole
+            else rng.uniform(least, most)
+        )
+    least, most, step = _scale(item)
+    return str(_plain(least + step * int(rng.integers(int((most - least) / step) + 1))))
 
 
 def is_right(items: Sequence[Item], values: Mapping[str, Value]) -> bool:

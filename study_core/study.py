@@ -17,7 +17,7 @@ from study_core.comparison import Choice
 from study_core.conditions import arm_text, changed, file_text
 from study_core.domain import Domain, domain_named
 from study_core.errors import StudyError, UnknownNameError
-from study_core.explanation import explain
+from study_core.explanation import explain, explain_all
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.rewards import FEATURE_NAME, rewards_with
 from study_core.path import PracticeStep
@@ -194,7 +194,7 @@ def parse_study(text: str, source: str = "study file") -> Study:
     except tomllib.TOMLDecodeError as error:
         raise StudyError(f"{source}: not valid TOML: {error}. Mend that line.") from error
     except ValidationError as error:
-        raise StudyError(f"{source}: {explain(error)}") from error
+        raise StudyError(f"{source}: {explain(error)}", explain_all(error)) from error
     except UnknownNameError as error:
         raise StudyError(f"{source}: {error}") from error
     if study.condition is None:

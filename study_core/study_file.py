@@ -245,6 +245,23 @@ class RecruitmentSection(Section):
         return self
 
 
+class ExclusionSection(Section):
+    """Who is left out of the analysis, decided before anybody has answered."""
+
+    least_checks_passed: float | None = Field(
+        None, gt=0, le=1, description="Share of checks answered as told."
+    )
+    least_repeats_agreed: float | None = Field(
+        None, gt=0, le=1, description="Share of repeated queries answered as the first time."
+    )
+    most_one_side: float | None = Field(
+        None, ge=0.5, lt=1, description="Share of answers that chose the same side of the screen."
+    )
+    least_median_response_ms: int | None = Field(
+        None, gt=0, description="Half of the answers took at least so long."
+    )
+
+
 class PaymentSection(Section):
     """What people are paid."""
 
@@ -294,6 +311,7 @@ class StudyFile(Section):
     acquisition: AcquisitionSection
     trajectory: TrajectorySection
     learning: LearningSection = LearningSection()
+    exclusion: ExclusionSection = ExclusionSection()
     payment: PaymentSection | None = None
     data: DataSection = DataSection()
     condition: tuple[ConditionSection, ...] = Field((), description="The arms of an experiment.")

@@ -26,7 +26,8 @@ from app.services.export.layout import Form
 from app.services.export.rows import person_rows
 from app.services.export.tables import tables_of
 from app.services.export.values import batch_of, canonical_json
-from app.services.rehearsal import Crowd, rehearse
+from app.services.rehearsal import rehearse
+from app.services.rehearsed_person import Crowd
 from app.settings import find_study
 from app.store import ImportedSession, NewEvent, open_store
 from study_core.study import Study, parse_study

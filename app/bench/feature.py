@@ -12,7 +12,8 @@ from rich.progress import Progress, TaskID
 from app import wiring
 from app.bench.report import figures, provenance
 from app.process import n_cores
-from app.services.rehearsal import Crowd, rehearse_all
+from app.services.rehearsal import rehearse_all
+from app.services.rehearsed_person import Crowd
 from app.services.runtime import Runtime
 from app.settings import find_study
 from study_core.evaluation.intervals import Mean, mean_over_people

@@ -14,6 +14,7 @@ from app.cli.learning import evaluate, report, train
 from app.cli.reproducing import replay
 from app.cli.serving import link, serve
 from app.cli.sessions import simulate
+from app.cli.studies import check, new
 from app.errors import AppError
 from app.terminal import console
 from study_core.errors import StudyCoreError
@@ -25,7 +26,7 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
+for command in (new, check, serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
     cli.command()(command)
 cli.command("import")(import_)
 cli.add_typer(bench, name="bench", no_args_is_help=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -53,6 +53,15 @@ def simulate(
     hidden_weight: Annotated[
         float, typer.Option(min=-100.0, max=100.0, help="How much, per unit of that feature.")
     ] = 1.0,
+    declining: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of them who don't consent, where a study asks.")
+    ] = 0.0,
+    leaving: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of them who stop at some query.")
+    ] = 0.0,
+    careless: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of them who answer everything at random, and fast.")
+    ] = 0.0,
     database: DatabaseOption = DEFAULT_DATABASE,
     out: Annotated[
         Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
@@ -66,9 +75,13 @@ def simulate(
     scheduler: SchedulerOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Let simulated people of known weights walk a study; their sessions are kept, marked as rehearsed."""
+    """Let simulated people of known weights walk a whole study, its conditions and exclusions among it.
+
+    Their sessions are kept, marked as rehearsed: exports leave them out unless told otherwise.
+    """
     from app import wiring
-    from app.services.rehearsal import Crowd, rehearse_all
+    from app.services.rehearsal import rehearse_all
+    from app.services.rehearsed_person import Crowd, Manners
     from app.services.table import new_table
     from study_core.participants import Habits
 
@@ -76,7 +89,7 @@ def simulate(
     definition = find_study(study)
     build_bank(definition)
     habits = Habits(drift, side_bias, unsure_rate, hidden_feature, hidden_weight if hidden_feature else 0.0)
-    crowd = Crowd(seed, people, habits, rationality, lapse_rate)
+    crowd = Crowd(seed, people, habits, rationality, lapse_rate, Manners(declining, leaving, careless))
     n_workers = min(workers or n_cores(), people)
     # While one person's answer is being stored, another's next query is computed.
     n_at_once = 1 if n_workers == 1 else 2 * n_workers
@@ -90,5 +103,11 @@ def simulate(
             if table is not None:
                 for row in rehearsal.rows:
                     table.write(row)
-            headline = f"alignment {rehearsal.summary['alignment']:.3f}"
+            headline = _headline(rehearsal.summary)
             print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
+
+
+def _headline(summary: dict[str, Any]) -> str:
+    condition = f"condition {summary['condition']}, " if summary["condition"] else ""
+    found = "asked nothing" if summary["alignment"] is None else f"alignment {summary['alignment']:.3f}"
+    return f"{condition}{summary['ending']}, {found}"

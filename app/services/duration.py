@@ -7,7 +7,9 @@ from statistics import median
 from study_core.session import SessionState
 from study_core.study import Study
 
-_SECONDS_PER_QUERY = 14
+SECONDS_PER_QUERY = 14
+"""What a query takes somebody, all in all."""
+
 _SECONDS_PER_PAGE = 40
 # Of somebody's own pace, the last so many queries count; to each belongs the moment until the next is there.
 _N_RECENT = 20
@@ -16,7 +18,7 @@ _BETWEEN_QUERIES_MS = 1000
 
 def expected_minutes(study: Study) -> int:
     """Returns about how many minutes somebody needs for a study, at least one."""
-    return _minutes(study.n_queries, _SECONDS_PER_QUERY, len(study.file.path) - 1)
+    return _minutes(study.n_queries, SECONDS_PER_QUERY, len(study.file.path) - 1)
 
 
 def minutes_left(study: Study, state: SessionState) -> int | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from app.services.computations import hand_over
 from app.services.continuation import Computation, ContinueFn, Engine, FeatureRequest, LearnFn, TestSetFn
 from app.services.population import PopulationTrainer
-from app.services.standing import standing_of
+from app.services.standing import exclusion_after, standing_of
 from app.services.training import Trainer
 from app.store import NewEvent, NewReport, PosteriorRecord, SessionDeletedError, SessionRecord, Store
 from study_core import session_codec
@@ -220,6 +220,7 @@ class Runtime:
                 goes_on_from_people,
                 state.ending,
                 standing_of(live.study, state, events, posterior, report),
+                exclusion_after(live.study, state),
             )
         except SessionDeletedError:
             self.forget(live.record.id)

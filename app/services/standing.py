@@ -8,8 +8,10 @@ from typing import Any
 from app.store import NewReport, PosteriorRecord, SessionDeletedError, Standing, Store
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.conduct import conduct_of, reasons_to_exclude
 from study_core.events import AnswerGiven, Event, QueryPrepared
-from study_core.plan import Phase, Position, position_of
+from study_core.path import Ending
+from study_core.plan import Phase
 from study_core.session import Action, SessionState, next_action, reduce
 from study_core.study import Study, parse_study
 
@@ -32,31 +34,30 @@ def standing_of(
         posterior: The posterior that came with it.
         report: What the browser measured meanwhile.
     """
-    asked = list(zip(state.prepared, state.answers, strict=False))
-    repeats = [(query, given) for query, given in asked if query.repeat_of is not None]
-    checks = [(query, given) for query, given in asked if query.instructed is not None]
-    places = [position_of(query.first_shown, given.choice) for query, given in asked]
+    conduct = conduct_of(state)
+    asked = zip(state.prepared, state.answers, strict=False)
     return Standing(
         step=state.step,
         n_answers=len(state.answers),
         test_answers="".join(_letter(given) for query, given in asked if query.phase is Phase.TEST),
-        n_repeats=len(repeats),
-        n_repeats_agreed=sum(
-            given.choice is state.answers[query.repeat_of].choice
-            for query, given in repeats
-            if query.repeat_of is not None
-        ),
-        n_checks=len(checks),
-        n_checks_passed=sum(
-            position_of(query.first_shown, given.choice) is query.instructed for query, given in checks
-        ),
-        n_sided=sum(place is not None for place in places),
-        n_first=places.count(Position.FIRST),
-        response_ms=sum(given.response_time_ms or 0 for given in state.answers),
+        n_repeats=conduct.n_repeats,
+        n_repeats_agreed=conduct.n_repeats_agreed,
+        n_checks=conduct.n_checks,
+        n_checks_passed=conduct.n_checks_passed,
+        n_sided=conduct.n_sided,
+        n_first=conduct.n_first,
+        response_ms=conduct.response_ms,
         is_wait=_is_wait(study, state, events),
         focus_losses=0 if report is None else _count(report.measures.get("hidden")),
         **({} if posterior is None else _learned(posterior)),
     )
+
+
+def exclusion_after(study: Study, state: SessionState) -> str | None:
+    """Returns why whoever has just completed is left out of the analysis by their study file; None if they aren't."""
+    if state.ending is not Ending.COMPLETED:
+        return None
+    return "; ".join(reasons_to_exclude(study.file.exclusion, conduct_of(state))) or None
 
 
 def catch_up(store: Store, on_session: Callable[[], None] = lambda: None) -> int:

@@ -9,13 +9,12 @@ from typing import Any
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from app.store import sessions
+from app.store import reviews
 from app.store.codec import decode_json, encode_json
 from app.store.desk_records import ApiToken, AuditEntry, Experimenter, Review, Role
 from app.store.engine import Database
-from app.store.errors import ExperimenterKnownError, ReviewChangedError, StoreError
-from app.store.models import ApiTokenRow, AuditRow, DeskSessionRow, ExperimenterRow, ReviewRow
-from app.store.standings import review_of
+from app.store.errors import ExperimenterKnownError, StoreError
+from app.store.models import ApiTokenRow, AuditRow, DeskSessionRow, ExperimenterRow
 from app.store.utc import now
 
 
@@ -170,8 +169,7 @@ class DeskStore:
     def review(self, session_id: str) -> Review:
         """What experimenters have decided about a session."""
         with self._database.reading() as rows:
-            sessions.by_id(rows, session_id)
-            return review_of(rows.get(ReviewRow, session_id))
+            return reviews.of_session(rows, session_id)
 
     def put_review(self, session_id: str, review: Review, who: str) -> Review:
         """Changes what is decided about a session.
@@ -186,21 +184,7 @@ class DeskStore:
             SessionDeletedError: When the session was deleted.
         """
         with self._database.writing() as rows:
-            sessions.by_id(rows, session_id)
-            row = rows.get(ReviewRow, session_id)
-            known = review_of(row)
-            if known.revision != review.revision:
-                raise ReviewChangedError(
-                    f"{known.changed_by} has changed this person's record since you opened it. "
-                    "Look at what it says now, then make your change again."
-                )
-            if row is None:
-                row = ReviewRow(session_id=session_id, revision=0)
-                rows.add(row)
-            row.verdict = None if review.verdict is None else review.verdict.value
-            row.reason, row.note = review.reason, review.note
-            row.revision, row.changed_by, row.changed_at = known.revision + 1, who, now()
-            return review_of(row)
+            return reviews.put(rows, session_id, review, who)
 
     def record(
         self, who: str, action: str, about: str | None = None, detail: dict[str, Any] | None = None

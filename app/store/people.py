@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import Session
 
-from app.store import events, external, learned, measures, posteriors, sessions
+from app.store import events, external, learned, measures, posteriors, reviews, sessions
 from app.store.desk_records import Review
-from app.store.models import ReviewRow
 from app.store.records import (
     EventRecord,
     ExternalPerson,
@@ -17,7 +16,6 @@ from app.store.records import (
     PosteriorRecord,
     SessionRecord,
 )
-from app.store.standings import review_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +49,7 @@ def of_session(rows: Session, session_id: str) -> PersonRecord:
         session=sessions.by_id(rows, session_id),
         ending=sessions.ending(rows, session_id),
         external=external.of_session(rows, session_id),
-        review=review_of(rows.get(ReviewRow, session_id)),
+        review=reviews.of_session(rows, session_id),
         events=events.of_session(rows, session_id),
         measures=measures.of_session(rows, session_id),
         posteriors=posteriors.of_session(rows, session_id),

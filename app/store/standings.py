@@ -8,8 +8,9 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from app.store import reviews
 from app.store.codec import decode_floats, decode_json, encode_floats
-from app.store.desk_records import Arm, PersonLine, Review, Verdict
+from app.store.desk_records import Arm, PersonLine
 from app.store.models import ExternalPersonRow, ReviewRow, SessionRow, StandingRow, StudyRow
 from app.store.records import ExternalPerson, Source, Standing
 from app.store.sessions import COMPLETED, record_of
@@ -88,14 +89,6 @@ def arms(rows: Session, study_name: str, heard_since: datetime) -> list[Arm]:
     return [Arm(*row) for row in rows.execute(query)]
 
 
-def review_of(row: ReviewRow | None) -> Review:
-    """What experimenters have decided; nothing without a row."""
-    if row is None:
-        return Review()
-    verdict = None if row.verdict is None else Verdict(row.verdict)
-    return Review(verdict, row.reason, row.note, row.revision, row.changed_by, row.changed_at)
-
-
 def _line(
     session: SessionRow,
     version: str,
@@ -115,7 +108,7 @@ def _line(
         version=version,
         ending=session.ending,
         external=person,
-        review=review_of(review),
+        review=reviews.record_of(review),
         **({} if standing is None else _shown(standing)),
     )
 

@@ -20,6 +20,7 @@ from app.store import (
     measures,
     people,
     posteriors,
+    reviews,
     secrets,
     sessions,
     standings,
@@ -352,6 +353,7 @@ class Store:
         goes_on_from_people: bool = False,
         ending: str | None = None,
         standing: Standing | None = None,
+        excluded_because: str | None = None,
     ) -> None:
         """Appends events to a session's log, all or none.
 
@@ -364,6 +366,7 @@ class Store:
             goes_on_from_people: Whether the caller believes that the session still has what the people before taught.
             ending: How the session has ended with these events; None while it goes on.
             standing: Where the session stands after them.
+            excluded_because: Why the study file leaves the person out of the analysis, now that they have completed.
 
         Raises:
             PopulationWithdrawnError: It hasn't, or the events hold what somebody taught who has been deleted since.
@@ -378,6 +381,8 @@ class Store:
                 measures.add(rows, session_id, report)
             if standing is not None:
                 standings.put(rows, session_id, expected_position + len(new_events), standing)
+            if excluded_because is not None:
+                reviews.exclude(rows, session_id, excluded_because)
 
     def posteriors(self, session_id: str) -> tuple[PosteriorRecord, ...]:
         """A session's posteriors, ordered by query index."""

@@ -11,7 +11,8 @@ from app import wiring
 from app.services import study as services
 from app.services.evaluation import NobodyToEvaluateError, people_to_evaluate
 from app.services.published import import_person, read_people
-from app.services.rehearsal import Crowd, rehearse
+from app.services.rehearsal import rehearse
+from app.services.rehearsed_person import Crowd
 from app.services.walk import walk
 from app.settings import find_study
 from app.store import Store

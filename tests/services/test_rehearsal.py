@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from contextlib import closing
+from itertools import permutations
 
 import numpy as np
 import pytest
 
 from app import wiring
-from app.services.rehearsal import Crowd, Rehearsal, rehearse_all
+from app.services.rehearsal import Rehearsal, rehearse_all
+from app.services.rehearsed_person import Crowd, Manners
 from app.settings import find_study
+from study_core.conditions import arm_of_rehearsal
 from study_core.participants import Habits
 from study_core.study import Study, parse_study
 
@@ -111,3 +114,74 @@ def test_a_rehearsal_that_is_given_up_stops_soon() -> None:
             next(rehearsals)
         assert n_answers[0] < 100
         assert len(runtime.store.sessions()) < 20
+
+
+FULL = find_study("full-path")
+CONDITIONS = parse_study(
+    SHORT.text
+    + """
+[[condition]]
+name = "gain"
+acquisition.method = "information-gain"
+
+[[condition]]
+name = "random"
+acquisition.method = "random"
+
+[[condition]]
+name = "ties"
+response.answers = ["a", "b", "same"]
+response.tie_threshold = 1.0
+"""
+)
+
+
+def test_of_each_three_people_in_a_row_one_walks_each_of_three_conditions() -> None:
+    rehearsals = rehearsed(CONDITIONS, Crowd(12, 6), n_at_once=3)
+    conditions = [rehearsal.summary["condition"] for rehearsal in rehearsals]
+    assert sorted(conditions[:3]) == sorted(conditions[3:]) == ["gain", "random", "ties"]
+    orders = {tuple(arm_of_rehearsal(12, 3 * block + place, 3) for place in (1, 2, 3)) for block in range(40)}
+    assert orders == set(permutations(range(3)))
+    for rehearsal, condition in zip(rehearsals, conditions, strict=True):
+        # `prior` stands where no pair that the method tried looked different.
+        methods = {row["method"] for row in rehearsal.rows if row["phase"] == "active"} - {"prior"}
+        expected = {"gain": "information-gain", "random": "random", "ties": "information-gain-realistic"}
+        assert methods == {expected[condition]}
+        assert {row["condition"] for row in rehearsal.rows} == {condition}
+        assert {row["probability_of"]["same"] is None for row in rehearsal.rows} == {condition != "ties"}
+    tests_asked = [
+        [row["feature_difference"] for row in rehearsal.rows if row["phase"] == "test"]
+        for rehearsal in rehearsals
+    ]
+    assert all(asked == tests_asked[0] for asked in tests_asked)
+
+
+def test_some_decline_some_leave_and_some_do_not_read() -> None:
+    with wiring.headless() as runtime:
+        for manners, endings in (
+            (Manners(declining=1.0), {"declined"}),
+            (Manners(leaving=1.0), {"stopped"}),
+            (Manners(careless=1.0), {"failed", "completed"}),
+            (Manners(), {"completed"}),
+        ):
+            crowd = Crowd(13, 4, manners=manners)
+            found = list(rehearse_all(runtime, FULL, crowd, 1, lambda: None))
+            assert {rehearsal.summary["ending"] for rehearsal in found} <= endings
+            if manners.declining:
+                assert all(rehearsal.rows == [] for rehearsal in found)
+            if manners.leaving:
+                assert len({len(rehearsal.rows) for rehearsal in found}) > 1
+
+
+def test_whoever_completes_against_the_study_files_criteria_is_excluded() -> None:
+    study = parse_study(
+        SHORT.text.replace("[response]", "[exclusion]\nleast_median_response_ms = 1500\n\n[response]")
+    )
+    with wiring.headless() as runtime:
+        list(rehearse_all(runtime, study, Crowd(14, 3), 1, lambda: None))
+        list(rehearse_all(runtime, study, Crowd(15, 3, manners=Manners(careless=1.0)), 1, lambda: None))
+        lines = runtime.store.person_lines(study.name)
+    assert [line.review.verdict for line in lines] == [None] * 3 + ["excluded"] * 3
+    assert {line.review.changed_by for line in lines[3:]} == {"study file"}
+    assert all("expected at least 1500" in line.review.reason for line in lines[3:])
+    assert [line.n_answers for line in lines] == [5] * 6

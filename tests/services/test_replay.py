@@ -217,7 +217,8 @@ NUMBERS = [
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.integers(0, 10**6), number=st.sampled_from(NUMBERS), is_mended=st.booleans())
 def test_any_number_changed_in_any_row_makes_a_replay_fail(
-    whole: Path,
+    small: Path,
+    runtime: Runtime,
     tmp_path_factory: pytest.TempPathFactory,
     place: int,
     number: tuple[str, str],

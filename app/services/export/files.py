@@ -136,6 +136,10 @@ def _json_row(table: TableSchema, number: int, line: str) -> Row:
     for column in table.columns:
         if column.kind == "timestamp" and row[column.name] is not None:
             row[column.name] = datetime.fromisoformat(row[column.name])
+            if row[column.name].tzinfo is None:
+                raise ValueError(
+                    f"line {number}: expected {column.name} with its offset, got {row[column.name]}"
+                )
     return row
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator
 from functools import cached_property
@@ -13,8 +12,9 @@ import pyarrow as pa
 from jaxtyping import Float
 
 from app.services.export.blocks import in_blocks
+from app.services.export.checking import check
 from app.services.export.columns import Row, TableSchema
-from app.services.export.digests import Edges, TableDigest
+from app.services.export.digests import Edges
 from app.services.export.errors import ExportDifferenceError, ExportError
 from app.services.export.files import batches_in
 from app.services.export.layout import digests_path, file_form, materials, table_path
@@ -136,43 +136,22 @@ class Export:
             ExportDifferenceError: Something was changed, added or taken away; the message names the first row, its
                 person and query, the column and the value that stands there now.
         """
-        for name in self.tables:
-            self._check_table(self._schema(name), on_row)
-        for name, digest in self.manifest.file_digests.items():
-            path = self.folder / name
-            if not path.is_file():
-                raise ExportDifferenceError(f"{path} was exported and is missing. Export again.")
-            if hashlib.sha256(path.read_bytes()).hexdigest() != digest:
-                raise ExportDifferenceError(f"{path} was changed after the export. Export again.")
+        check(self, on_row)
 
-    def _check_table(self, schema: TableSchema, on_row: Callable[[int], None]) -> None:
-        digest, n_before = TableDigest(schema), 0
-        stored = self._edges(schema)
-        for block in in_blocks(self._batches(schema), schema.block):
-            edges = next(stored, None)
-            _compare(self.path_of(schema.name), schema, block, digest.add(block), edges, n_before)
-            n_before += block.num_rows
-            on_row(block.num_rows)
-        told = self.manifest.n_rows[schema.name]
-        if digest.n_rows < told:
-            raise ExportDifferenceError(
-                f"{self.path_of(schema.name)}: expected {told} rows, found {digest.n_rows}: rows are missing at the "
-                "end. Export again."
-            )
-        if digest.hexdigest() != self.manifest.table_digests[schema.name]:
-            raise ExportDifferenceError(
-                f"{self.path_of(schema.name)} and {self.folder / digests_path(schema.name)} were both changed after "
-                "the export. Export again."
-            )
-
-    def _edges(self, schema: TableSchema) -> Iterator[Edges]:
-        path = self.folder / digests_path(schema.name)
+    def edges(self, table: str) -> Iterator[Edges]:
+        """Gives the digests that were written with each block of a table's rows."""
+        path = self.folder / digests_path(table)
         try:
             with path.open(encoding="utf-8") as lines:
                 for line in lines:
                     yield Edges(**json.loads(line))
         except (OSError, ValueError, TypeError) as error:
             raise ExportError(f"Can't read the digests {path}: {error}. Export again.") from error
+
+    def blocks(self, table: str) -> Iterator[pa.RecordBatch]:
+        """Gives a table's rows as columns, in the blocks that have digests."""
+        schema = self._schema(table)
+        return in_blocks(self._batches(schema), schema.block)
 
     def _schema(self, table: str) -> TableSchema:
         if table not in self.manifest.tables:
@@ -208,47 +187,3 @@ class Export:
                 f"{path}: {error} This version can't read it. Install the release that exported it: "
                 f"prefstudy=={self.manifest.code_version}, with its plug-ins."
             ) from error
-
-
-def _compare(
-    path: Path, schema: TableSchema, block: pa.RecordBatch, found: Edges, stored: Edges | None, n_before: int
-) -> None:
-    """Finds the first row of a block that isn't as it was written."""
-    known = stored or Edges([], {})
-    if found == known:
-        return
-    pairs = enumerate(zip(found.rows, known.rows, strict=False))
-    at = next((i for i, (one, other) in pairs if one != other), min(len(found.rows), len(known.rows)))
-    if at == block.num_rows:
-        raise ExportDifferenceError(
-            f"{path}: expected more rows after row {n_before + at}, which is the last. Export again."
-        )
-    (row,) = rows_of(schema, block.slice(at, 1))
-    where = f"{path}, row {n_before + at + 1}{_whose(row)}"
-    if at == len(known.rows):
-        raise ExportDifferenceError(
-            f"{where}: expected no such row; it was added after the export. Export again."
-        )
-    changed = [name for name in schema.names if found.columns[name] != known.columns.get(name)]
-    if len(changed) == len(schema.names):
-        raise ExportDifferenceError(
-            f"{where}: expected another row here; rows were added, removed or moved after the export. Export again."
-        )
-    told = ", ".join(f"{name} is {row[name]!r}" for name in changed[:3])
-    raise ExportDifferenceError(f"{where}: {told}, which is not what was exported. Export again.")
-
-
-def _whose(row: Row) -> str:
-    """Returns whose row it is, and which query's, as far as its table says."""
-    told = [
-        f"{what} {row[name]}"
-        for name, what in (
-            ("person_id", "person"),
-            ("query_index", "query"),
-            ("position", "log position"),
-            ("sample", "sample"),
-            ("item", "item"),
-        )
-        if row.get(name) is not None
-    ]
-    return f" ({', '.join(told)})" if told else ""

@@ -13,6 +13,7 @@ from app.services.export.values import is_of_kind
 from app.store import EventRecord, MeasureRecord, ModelRecord, PersonRecord, PosteriorRecord
 from study_core import session_codec
 from study_core.comparison import Choice
+from study_core.conduct import conduct_of
 from study_core.events import AnswerGiven, AnswerTakenBack, Event, QueryPrepared, StepTaken
 from study_core.path import questionnaire_of
 from study_core.plan import position_of
@@ -83,26 +84,19 @@ def _person_row(study: Study, person: PersonRecord) -> Row:
 
 def state_row(study: Study, state: SessionState) -> Row:
     """Returns what a person's row says of their log."""
-    asked = list(zip(state.prepared, state.answers, strict=False))
-    repeats = [
-        given.choice is state.answers[query.repeat_of].choice
-        for query, given in asked
-        if query.repeat_of is not None
-    ]
-    checks = [
-        position_of(query.first_shown, given.choice) is query.instructed
-        for query, given in asked
-        if query.instructed is not None
-    ]
+    conduct = conduct_of(state)
     return {
         "language": state.language or study.languages[0],
         "n_answers": len(state.answers),
         "is_finished": len(state.answers) == study.n_queries,
         "ending": state.ending,
-        "n_repeats": len(repeats),
-        "n_repeats_agreed": sum(repeats),
-        "n_checks": len(checks),
-        "n_checks_passed": sum(checks),
+        "n_repeats": conduct.n_repeats,
+        "n_repeats_agreed": conduct.n_repeats_agreed,
+        "n_checks": conduct.n_checks,
+        "n_checks_passed": conduct.n_checks_passed,
+        "n_sided": conduct.n_sided,
+        "n_first": conduct.n_first,
+        "median_response_ms": conduct.median_response_ms,
     }
 
 

@@ -115,6 +115,9 @@ def _people() -> TableSchema:
             ),
             Column("n_checks", "integer", "Attention checks that were answered.", "queries", least=0),
             Column("n_checks_passed", "integer", "Of these, how many as they told.", "queries", least=0),
+            Column("n_sided", "integer", "Answers that chose a side of the screen.", "answers", least=0),
+            Column("n_first", "integer", "Of these, how many chose the first position.", "answers", least=0),
+            Column("median_response_ms", "number", "Median response time.", "ms", least=0),
             Column(
                 "verdict",
                 "string",

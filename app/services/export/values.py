@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as compute
 
 from app.services.export.columns import Column, Kind, Row, TableSchema
 
 _LARGEST = 2**63 - 1
+_LARGEST_EXACT = 2**53
+"""Up to here, every whole number is a double as well."""
 
 
 def canonical_json(value: Any) -> str:
@@ -28,21 +30,11 @@ def is_of_kind(kind: Kind, value: Any) -> bool:
 _IS_OF_KIND: dict[Kind, Callable[[Any], bool]] = {
     "string": lambda value: isinstance(value, str),
     "integer": lambda value: type(value) is int and abs(value) <= _LARGEST,
-    "number": lambda value: type(value) in (int, float),
+    "number": lambda value: type(value) is float or (type(value) is int and abs(value) <= _LARGEST_EXACT),
     "boolean": lambda value: type(value) is bool,
     "timestamp": lambda value: isinstance(value, datetime) and value.tzinfo is not None,
     "json": lambda value: True,
 }
-
-
-def _plain(column: Column) -> Callable[[Any], Any]:
-    """Returns what makes a value of a row one of Arrow."""
-    if column.kind == "json":
-        return lambda value: None if value is None else canonical_json(value)
-    if column.kind == "number":
-        # JSON has no other numbers, and an R-hat of infinity says no more than none.
-        return lambda value: float(value) if value is not None and math.isfinite(value) else None
-    return lambda value: value
 
 
 def batch_of(table: TableSchema, rows: Sequence[Row]) -> pa.RecordBatch:
@@ -61,11 +53,21 @@ def batch_of(table: TableSchema, rows: Sequence[Row]) -> pa.RecordBatch:
 
 
 def _array(column: Column, rows: Sequence[Row]) -> pa.Array:
-    values, plain = [row.get(column.name) for row in rows], _plain(column)
-    for value in values:
+    values = [row.get(column.name) for row in rows]
+    # One value of each type stands for the others: an export looks at every value there is.
+    for value in {type(value): value for value in values}.values():
         if not is_of_kind(column.kind, value):
             raise ValueError(f"expected {column.name} to be of kind {column.kind}, got {value!r}")
-    return pa.array([plain(value) for value in values], column.arrow_type)
+    if column.kind == "json":
+        values = [None if value is None else canonical_json(value) for value in values]
+    try:
+        array = pa.array(values, column.arrow_type)
+    except OverflowError as error:
+        raise ValueError(f"expected {column.name} to be of 64 bits, got more") from error
+    if column.kind != "number":
+        return array
+    # JSON has no other numbers, and an R-hat of infinity says no more than none.
+    return compute.if_else(compute.is_finite(array), array, pa.scalar(None, array.type))
 
 
 def rows_of(table: TableSchema, batch: pa.RecordBatch) -> list[Row]:

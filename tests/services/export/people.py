@@ -5,7 +5,8 @@ from __future__ import annotations
 from app import wiring
 from app.services import path
 from app.services import study as services
-from app.services.rehearsal import Crowd, rehearse
+from app.services.rehearsal import rehearse
+from app.services.rehearsed_person import Crowd
 from app.services.walk import walk
 from app.settings import find_study
 from app.store import ExternalPerson, ModelRecord, NewEvent, Review, Source, Verdict, open_store

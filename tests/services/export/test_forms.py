@@ -66,7 +66,16 @@ def test_a_number_that_is_not_finite_is_nothing() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"integer": 1.0}, {"integer": True}, {"integer": 2**63}, {"boolean": 1}, {"string": 1}, {"odd": 1}],
+    [
+        {"integer": 1.0},
+        {"integer": True},
+        {"integer": 2**63},
+        {"number": 10**400},
+        {"number": "1"},
+        {"boolean": 1},
+        {"string": 1},
+        {"odd": 1},
+    ],
 )
 def test_a_value_of_another_kind_or_an_undeclared_column_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
