@@ -292,6 +292,7 @@ def test_queries_that_a_deleted_person_had_a_part_in_are_said_to_be_underivable(
 ) -> None:
     first, second, _ = (record.id for record in runtime.store.sessions())
     runtime.store.delete_session(first)
+    answer(runtime, begin(runtime), "ab")
     export(runtime.store, tmp_path / "after", ExportOptions("jsonl", "real", samples="all"))
     people = list(people_of(open_export(tmp_path / "after")))
     hindered = [each for each in people if each.hindrance]
@@ -299,7 +300,8 @@ def test_queries_that_a_deleted_person_had_a_part_in_are_said_to_be_underivable(
     assert all("has been deleted" in each.hindrance for each in hindered)
     said = CliRunner().invoke(cli, ["replay", str(tmp_path / "after")])
     assert said.exit_code == 0
-    assert said.stdout.count("stored queries reproduced") == len(people) - len(hindered)
+    assert (len(people), len(hindered)) == (3, 2)
+    assert said.stdout.count("stored queries reproduced") == 1
 
 
 def test_the_commands_learn_what_people_have_in_common(runtime: Runtime, database_url: str) -> None:

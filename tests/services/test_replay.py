@@ -331,6 +331,7 @@ def test_a_session_of_before_sides_and_machines_were_kept_is_derived_again(
     edit(copy, "events", older)
     edit(copy, "queries", undrawn)
     edit(copy, "answers", lambda table: [row.update(position_chosen=None) for row in table])
+    edit(copy, "people", lambda table: [row.update(n_sided=0, n_first=0) for row in table])
     mend(copy)
     (person,) = replayed(copy, runtime=runtime)
     assert (person.way, person.n_queries) == ("derived", 6)
