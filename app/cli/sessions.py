@@ -64,7 +64,8 @@ def simulate(
     ] = 0.0,
     database: DatabaseOption = DEFAULT_DATABASE,
     out: Annotated[
-        Path | None, typer.Option(help="Write one row a person and query to this file: .csv or .jsonl.")
+        Path | None,
+        typer.Option(help="Write one row a person and query to this file: .csv, .parquet or .jsonl."),
     ] = None,
     workers: Annotated[
         int | None,
@@ -81,8 +82,8 @@ def simulate(
     """
     from app import wiring
     from app.services.rehearsal import rehearse_all
+    from app.services.rehearsal_table import new_rehearsal_table
     from app.services.rehearsed_person import Crowd, Manners
-    from app.services.table import new_table
     from study_core.participants import Habits
 
     log.configure("WARNING")
@@ -94,15 +95,14 @@ def simulate(
     # While one person's answer is being stored, another's next query is computed.
     n_at_once = 1 if n_workers == 1 else 2 * n_workers
     with ExitStack() as stack:
-        table = stack.enter_context(new_table(out)) if out else None
+        add_rows = stack.enter_context(new_rehearsal_table(out, definition)) if out else None
         runtime = stack.enter_context(wiring.headless(database, n_workers, scheduler))
         progress = stack.enter_context(new_progress())
         task = progress.add_task(definition.name, total=people * definition.n_queries)
         rehearsals = rehearse_all(runtime, definition, crowd, n_at_once, lambda: progress.advance(task))
         for rehearsal in stack.enter_context(closing(rehearsals)):
-            if table is not None:
-                for row in rehearsal.rows:
-                    table.write(row)
+            if add_rows is not None:
+                add_rows(rehearsal.rows)
             headline = _headline(rehearsal.summary)
             print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
 

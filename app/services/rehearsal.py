@@ -14,10 +14,10 @@ from jaxtyping import Float
 
 from app.errors import AppError
 from app.services import study as services
+from app.services.export.columns import Row
 from app.services.rehearsed_person import Crowd, RehearsedPerson
 from app.services.runtime import LiveSession, Runtime
 from app.services.summary import Json, summarise
-from app.services.table import Row
 from app.services.walk import walk
 from study_core.comparison import Choice
 from study_core.conditions import arm_of_rehearsal

@@ -76,7 +76,9 @@ def test_simulated_people_are_written_as_one_tidy_table(tmp_path: Path) -> None:
 
 def test_a_table_that_cannot_be_written_is_refused_before_anybody_walks(tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 's.db'}"
-    assert_one_line_with(run("simulate", "--database", database, "--out", "people.xlsx"), ".csv or .jsonl")
+    assert_one_line_with(
+        run("simulate", "--database", database, "--out", "people.xlsx"), ".csv, .parquet or .jsonl"
+    )
     assert not (tmp_path / "s.db").exists()
 
 

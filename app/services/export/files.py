@@ -8,7 +8,7 @@ every column.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from itertools import islice
@@ -122,29 +122,33 @@ def _json_values(column: Column, array: pa.Array) -> list[Any]:
 
 
 def _read_json_lines(path: Path, table: TableSchema) -> Iterator[pa.RecordBatch]:
+    timestamps = [column.name for column in table.columns if column.kind == "timestamp"]
     with path.open(encoding="utf-8") as lines:
-        rows = (_json_row(table, number, line) for number, line in enumerate(lines, start=1))
+        rows = (_json_row(table, timestamps, number, line) for number, line in enumerate(lines, start=1))
         while some := list(islice(rows, _JSON_ROWS_AT_ONCE)):
             yield batch_of(table, some)
 
 
-def _json_row(table: TableSchema, number: int, line: str) -> Row:
-    row = json.loads(line)
+def _json_row(table: TableSchema, timestamps: list[str], number: int, line: str) -> Row:
+    row: Any = json.loads(line)
     if not isinstance(row, dict):
         raise ValueError(f"line {number}: expected an object, got {line[:60]}")
-    _require_columns(table, list(row))
-    for column in table.columns:
-        if column.kind == "timestamp" and row[column.name] is not None:
-            row[column.name] = datetime.fromisoformat(row[column.name])
-            if row[column.name].tzinfo is None:
-                raise ValueError(
-                    f"line {number}: expected {column.name} with its offset, got {row[column.name]}"
-                )
+    _require_columns(table, tuple(row))
+    for name in timestamps:
+        if row[name] is not None:
+            row[name] = _timestamp(name, number, row[name])
     return row
 
 
-def _require_columns(table: TableSchema, names: list[str]) -> None:
-    if names != list(table.names):
+def _timestamp(name: str, number: int, text: Any) -> datetime:
+    at = datetime.fromisoformat(text) if isinstance(text, str) else None
+    if at is None or at.tzinfo is None:
+        raise ValueError(f"line {number}: expected {name} with its offset, got {text}")
+    return at
+
+
+def _require_columns(table: TableSchema, names: Sequence[str]) -> None:
+    if tuple(names) != table.names:
         missing, strange = set(table.names) - set(names), set(names) - set(table.names)
         told = "; ".join(
             f"{what}: {', '.join(sorted(some))}"

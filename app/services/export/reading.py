@@ -165,8 +165,9 @@ class Export:
         path = self.path_of(schema.name)
         try:
             yield from batches_in(path, file_form(self.manifest.form), schema)
-        except (OSError, ValueError) as error:
-            raise ExportDifferenceError(f"{path} isn't what was exported: {error}. Export again.") from error
+        except (OSError, ValueError, pa.ArrowException) as error:
+            told = " ".join(str(error).split())
+            raise ExportDifferenceError(f"{path} isn't what was exported: {told}. Export again.") from error
 
     @cached_property
     def _posteriors(self) -> Runs:

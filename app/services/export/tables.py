@@ -32,7 +32,7 @@ _TAKEN_BACK = Column(
     "is_taken_back", "boolean", "Whether it stands no longer, because an answer was taken back."
 )
 _LANGUAGE = Column("language", "string", "Code of the language that was read, such as `en`.")
-_PHASE = Column(
+PHASE = Column(
     "phase",
     "string",
     "What the query is for; only answers to active queries inform the posterior.",
@@ -174,7 +174,7 @@ def _queries(features: Sequence[str], weights: Sequence[str], n_controls: int) -
             *_IDS,
             QUERY,
             _POSITION,
-            _PHASE,
+            PHASE,
             Column("prepared_at", "timestamp", "When the query was ready."),
             _TAKEN_BACK,
             Column(
@@ -240,7 +240,7 @@ def _answers() -> TableSchema:
             *_IDS,
             QUERY,
             _POSITION,
-            _PHASE,
+            PHASE,
             Column(
                 "choice", "string", "What was answered: trajectory A, B or neither.", levels=tuple(Choice)
             ),

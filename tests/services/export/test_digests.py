@@ -8,6 +8,8 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -184,6 +186,7 @@ def test_changed_and_missing_files_are_found(copied: Callable[[str], Export], pa
         ("csv", ",1234,", ",many,", "many"),
         ("csv", '"choice"', '"choose"', "missing: choice; unknown: choose"),
         ("jsonl", '"response_time_ms":1234', '"response_time_ms":"many"', "response_time_ms"),
+        ("jsonl", '"answered_at":"2', '"answered_at":2,"odd":"2', "unknown: odd"),
         ("jsonl", '"choice":', '"choose":', "missing: choice; unknown: choose"),
         ("jsonl", "{", "", "isn't what was exported"),
     ],
@@ -198,6 +201,31 @@ def test_a_table_that_can_no_longer_be_read_is_named(
     with pytest.raises(ExportDifferenceError, match=f"answers.{form}.*{said}") as caught:
         opened.check_digests()
     assert "\n" not in str(caught.value)
+
+
+def test_a_time_that_is_none_any_more_is_named(copied: Callable[[str], Export]) -> None:
+    opened = copied("jsonl")
+    path = opened.path_of("answers")
+    first, *others = path.read_text().splitlines()
+    for wrong in (5, "2026-01-01T10:00:00", "yesterday"):
+        told = json.dumps(json.loads(first) | {"answered_at": wrong})
+        path.write_text("\n".join([told, *others]))
+        with pytest.raises(ExportDifferenceError, match=r"answers\.jsonl isn't what was exported"):
+            opened.check_digests()
+
+
+def test_a_parquet_file_whose_column_has_another_type_is_named(copied: Callable[[str], Export]) -> None:
+    opened = copied("parquet")
+    path = opened.path_of("answers")
+    table = pyarrow.parquet.read_table(path)
+    for wrong in (pa.array(["many"] * len(table)), pa.array([[1]] * len(table))):
+        at = table.column_names.index("response_time_ms")
+        pyarrow.parquet.write_table(table.set_column(at, "response_time_ms", wrong), path)
+        with pytest.raises(
+            ExportDifferenceError, match=r"answers\.parquet isn't what was exported"
+        ) as caught:
+            opened.check_digests()
+        assert "\n" not in str(caught.value)
 
 
 def test_a_parquet_file_that_was_cut_off_is_named(copied: Callable[[str], Export]) -> None:
