@@ -38,7 +38,9 @@ class ConditionSection(Section):
     """An arm: what is different for whoever is in it. The common test queries are the same in every arm."""
 
     name: Name = Field(description="Experimenters and exports see it; participants don't.")
-    acquisition: AcquisitionChange = AcquisitionChange()
+    acquisition: AcquisitionChange = Field(
+        AcquisitionChange(), description="How its pairs are chosen instead."
+    )
     response: Json = Field({}, description="Keys of the section response, with other values.")
     answering: Json = Field({}, description="Keys of the section answering, with other values.")
     text: Json = Field({}, description="Texts that read differently, by name.")

@@ -45,12 +45,12 @@ class NumberItem(Section):
     """A question for a number."""
 
     kind: Literal["number"]
-    name: Name
-    label: Words
-    required: bool = True
-    least: float | None = None
-    most: float | None = None
-    whole: bool = True
+    name: Name = Field(description="Of the item, in exports.")
+    label: Words = Field(description="The question.")
+    required: bool = Field(True, description="Whether it must be answered.")
+    least: float | None = Field(None, description="Least answer.")
+    most: float | None = Field(None, description="Greatest answer.")
+    whole: bool = Field(True, description="Whether it must be a whole number.")
     right: float | None = Field(None, description="The right answer, in a comprehension check.")
     screens_out: tuple[float, ...] = Field((), description="Answers that end the session as screened out.")
 
@@ -65,14 +65,14 @@ class ScaleItem(Section):
     """A line between two extremes, without a preset value."""
 
     kind: Literal["scale"]
-    name: Name
-    label: Words
-    required: bool = True
-    least: float = 0.0
-    most: float = 100.0
-    step: float = Field(5.0, gt=0)
-    low: Words
-    high: Words
+    name: Name = Field(description="Of the item, in exports.")
+    label: Words = Field(description="The question.")
+    required: bool = Field(True, description="Whether it must be answered.")
+    least: float = Field(0.0, description="Value of its left end.")
+    most: float = Field(100.0, description="Value of its right end.")
+    step: float = Field(5.0, gt=0, description="From one value to the next.")
+    low: Words = Field(description="What its left end means.")
+    high: Words = Field(description="What its right end means.")
 
     @model_validator(mode="after")
     def _has_steps(self) -> ScaleItem:
@@ -85,30 +85,30 @@ class LikertItem(Section):
     """A few points from one extreme to the other; answers are 1 to `points`."""
 
     kind: Literal["likert"]
-    name: Name
-    label: Words
-    required: bool = True
-    points: int = Field(7, ge=2, le=11)
-    low: Words
-    high: Words
+    name: Name = Field(description="Of the item, in exports.")
+    label: Words = Field(description="The question.")
+    required: bool = Field(True, description="Whether it must be answered.")
+    points: int = Field(7, ge=2, le=11, description="How many.")
+    low: Words = Field(description="What the first means.")
+    high: Words = Field(description="What the last means.")
 
 
 class Option(Section):
     """One answer to choose."""
 
-    name: Name
-    label: Words
+    name: Name = Field(description="Of the option, in exports.")
+    label: Words = Field(description="What people read.")
 
 
 class ChoiceItem(Section):
     """One of several answers, or some of them."""
 
     kind: Literal["choice"]
-    name: Name
-    label: Words
-    required: bool = True
-    options: tuple[Option, ...] = Field(min_length=2)
-    several: bool = False
+    name: Name = Field(description="Of the item, in exports.")
+    label: Words = Field(description="The question.")
+    required: bool = Field(True, description="Whether it must be answered.")
+    options: tuple[Option, ...] = Field(min_length=2, description="What can be chosen.")
+    several: bool = Field(False, description="Whether more than one can be chosen.")
     right: Name | None = Field(None, description="The right answer, in a comprehension check.")
     screens_out: tuple[Name, ...] = Field((), description="Answers that end the session as screened out.")
 
@@ -129,9 +129,9 @@ class TextItem(Section):
     """A question for free text."""
 
     kind: Literal["text"]
-    name: Name
-    label: Words
-    required: bool = True
+    name: Name = Field(description="Of the item, in exports.")
+    label: Words = Field(description="The question.")
+    required: bool = Field(True, description="Whether it must be answered.")
     longest: int = Field(5000, ge=1, le=20_000, description="Most characters.")
 
 
@@ -163,30 +163,30 @@ class ConsentStep(Section):
     """What the person agrees to, or declines."""
 
     step: Literal["consent"]
-    text: Name = "consent"
+    text: Name = Field("consent", description="Name of its text.")
 
 
 class TextStep(Section):
     """A page that only says something."""
 
     step: Literal["text"]
-    text: Name
+    text: Name = Field(description="Name of its text.")
 
 
 class InstructionsStep(Section):
     """What to do, with an animated example."""
 
     step: Literal["instructions"]
-    text: Name = "instructions"
-    example: bool = True
+    text: Name = Field("instructions", description="Name of its text.")
+    example: bool = Field(True, description="Shows an animated pair.")
 
 
 class PracticeStep(Section):
     """Queries that don't count, and questions that show whether the task was understood."""
 
     step: Literal["practice"]
-    text: Name = "practice"
-    queries: int = Field(2, ge=1, le=20)
+    text: Name = Field("practice", description="Name of its text, above the check.")
+    queries: int = Field(2, ge=1, le=20, description="How many; they teach the model nothing.")
     check: Name | None = Field(None, description="Questionnaire whose items have a right answer.")
     chances: int = Field(2, ge=1, le=5, description="How often the check may be tried.")
 
@@ -205,14 +205,14 @@ class QuestionnaireStep(Section):
     """A page of questions."""
 
     step: Literal["questionnaire"]
-    questionnaire: Name
+    questionnaire: Name = Field(description="Name of the questionnaire.")
 
 
 class DebriefStep(Section):
     """What the study was about."""
 
     step: Literal["debrief"]
-    text: Name = "debrief"
+    text: Name = Field("debrief", description="Name of its text.")
     results: bool = Field(False, description="Shows people what was learned about them.")
 
 

@@ -88,7 +88,7 @@ class ProtocolSection(Section):
 class ResponseSection(Section):
     """How people are assumed to answer."""
 
-    model: Literal["sigmoid", "clipped-linear"]
+    model: Literal["sigmoid", "clipped-linear"] = Field(description="The paper's, or the published code's.")
     rationality: Rationality = Field(
         description="beta, per unit of reward: a number, `inferred` or `evidence`."
     )
@@ -142,14 +142,16 @@ class ResponseSection(Section):
 class PriorSection(Section):
     """Where the weights may lie."""
 
-    support: Literal["ball", "sphere"]
+    support: Literal["ball", "sphere"] = Field(
+        description="The unit ball's non-negative part, or its surface."
+    )
 
 
 class SamplerSection(Section):
     """How much the posterior draws."""
 
     samples: int = Field(ge=2, le=5000, description="M, the draws that the acquisition sees.")
-    chains: int = Field(4, ge=2, le=16)
+    chains: int = Field(4, ge=2, le=16, description="Chains of the sampler.")
     warmup: int = Field(200, ge=50, description="Draws of each warm-up stage for each coordinate.")
     draws: int = Field(
         750, ge=100, le=1_000_000, description="Draws of each chain, if the diagnostics are satisfied."
@@ -170,7 +172,9 @@ class SamplerSection(Section):
 class AcquisitionSection(Section):
     """How the next pair is chosen."""
 
-    method: str
+    method: str = Field(
+        description="Name of an acquisition method, such as `information-gain-realistic` or `random`."
+    )
     mu: float = Field(0.1, ge=0, description="Weight of the distance between the two samples.")
     min_difference: float = Field(
         0.0, ge=0, description="How far apart the two trajectories must look, in body lengths."
@@ -228,9 +232,9 @@ class RecruitmentSection(Section):
     """Who can join when; nobody who is in a session is sent away by it."""
 
     opens: AwareDatetime | None = Field(
-        None, description="With its offset, such as 2026-12-01T09:00:00+01:00."
+        None, description="Nobody can begin before; such as 2026-12-01T09:00:00+01:00."
     )
-    closes: AwareDatetime | None = None
+    closes: AwareDatetime | None = Field(None, description="Nobody new can begin from then on.")
     places: int | None = Field(
         None, ge=1, description="Completed sessions wanted, in all conditions together."
     )
@@ -293,14 +297,14 @@ class StudyFile(Section):
     """The whole file."""
 
     name: Name = Field(description="Used in links and file names.")
-    title: Words
-    seed: int = Field(ge=0)
-    domain: str
+    title: Words = Field(description="What people see above every page.")
+    seed: int = Field(ge=0, description="Of everything random in it.")
+    domain: str = Field(description="Whose trajectories people compare, such as `driving-v1`.")
     languages: tuple[Language, ...] = Field(("en",), min_length=1, description="The first is the default.")
     text: dict[str, Words] = Field(description="What the participant reads, by name; Markdown.")
-    path: Path = QUERIES_ALONE
-    questionnaire: Questionnaires = Field({})
-    endings: dict[str, EndingSection] = Field({})
+    path: Path = Field(QUERIES_ALONE, description="What people go through, in this order.")
+    questionnaire: Questionnaires = Field({}, description="Items of each questionnaire.")
+    endings: dict[str, EndingSection] = Field({}, description="What people get at each ending.")
     answering: AnsweringSection = AnsweringSection()
     recruitment: RecruitmentSection = RecruitmentSection()
     session: SessionSection = SessionSection()

@@ -8,13 +8,13 @@ import typer
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
-from app.cli.data import delete, import_, migrate
+from app.cli.data import backup, delete, forget, import_, migrate, restore
 from app.cli.exporting import export
-from app.cli.learning import evaluate, report, train
+from app.cli.learning import appendix, evaluate, report, train
 from app.cli.reproducing import replay
 from app.cli.serving import link, serve
 from app.cli.sessions import simulate
-from app.cli.studies import check, new
+from app.cli.studies import check, new, settings
 from app.errors import AppError
 from app.terminal import console
 from study_core.errors import StudyCoreError
@@ -26,7 +26,10 @@ cli = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (new, check, serve, link, simulate, replay, export, delete, migrate, train, evaluate, report):
+for command in (
+    *(new, check, settings, serve, link, simulate, replay, export, delete),
+    *(backup, restore, migrate, forget, train, evaluate, report, appendix),
+):
     cli.command()(command)
 cli.command("import")(import_)
 cli.add_typer(bench, name="bench", no_args_is_help=True)

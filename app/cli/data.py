@@ -78,6 +78,54 @@ def delete(
         )
 
 
+def backup(
+    file: Annotated[Path, typer.Argument(help="A new file.")],
+    database: DatabaseOption = DEFAULT_DATABASE,
+) -> None:
+    """Copy a database to a file, also while it is served, and read the copy back.
+
+    A copy keeps whoever is deleted later: delete it as well, or restore it, which deletes them again.
+    """
+    from app.store.backup import back_up
+
+    contents = back_up(database, file)
+    print(f"Wrote {file}: {contents.n_sessions} people, {contents.n_events} events; read back and whole.")
+
+
+def restore(
+    file: Annotated[Path, typer.Argument(help="What `backup` has written.")],
+    database: DatabaseOption = DEFAULT_DATABASE,
+) -> None:
+    """Put a backup in the place of a database; nothing may be serving it meanwhile.
+
+    The backup is read in full first, and a copy of what was there is kept. Whoever was deleted since stays deleted.
+    """
+    from app.store.backup import restore as restore_backup
+
+    done = restore_backup(database, file)
+    print(f"Restored {done.contents.n_sessions} people, {done.contents.n_events} events.")
+    if done.n_deleted:
+        print(f"{done.n_deleted} of the backup had been deleted since, and are so again.")
+    if done.before is not None:
+        print(f"A copy of what was there is in {done.before}.")
+
+
+def forget(database: DatabaseOption = DEFAULT_DATABASE) -> None:
+    """Forget the ids by which others know people, where their study says that their time is over.
+
+    That is `forget_ids_after_days` in the section [data] of a study file. `serve` does the same every day.
+    """
+    from app.services.retention import forget_ids
+    from app.store import open_existing_store
+
+    with open_existing_store(database) as store:
+        forgotten = forget_ids(store)
+    for name, n_people in forgotten.items():
+        print(f"Forgot the ids of {n_people} people of {name}.")
+    if not forgotten:
+        print("There was nothing to forget.")
+
+
 def migrate(database: DatabaseOption = DEFAULT_DATABASE) -> None:
     """Bring a database to this version's schema; nothing may be serving it meanwhile.
 

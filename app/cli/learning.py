@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -19,6 +19,12 @@ from app.terminal import JsonOption, SeedOption, console, new_progress, warn
 
 if TYPE_CHECKING:
     from app.store import Store
+
+
+PeopleOption = Annotated[
+    Literal["real", "rehearsed"],
+    typer.Option(help="Whose sessions: real people's, or those that tried the study out."),
+]
 
 
 def train(
@@ -60,6 +66,7 @@ def evaluate(
         str | None,
         typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
     ] = None,
+    people: PeopleOption = "real",
     database: DatabaseOption = DEFAULT_DATABASE,
     new_person: Annotated[
         bool,
@@ -79,7 +86,7 @@ def evaluate(
 
     log.configure("WARNING")
     with open_existing_store(database) as store:
-        evaluated = people_to_evaluate(store, study)
+        evaluated = people_to_evaluate(store, study, people == "rehearsed")
     warn(evaluated.left_out)
     with new_progress() as progress:
         curves = {}
@@ -106,22 +113,48 @@ def report(
         str | None,
         typer.Option("--study", help="Only people of the study of this name; everyone unless told."),
     ] = None,
+    people: PeopleOption = "real",
     database: DatabaseOption = DEFAULT_DATABASE,
     seed: SeedOption = 0,
 ) -> None:
-    """Write what was learned from people as one web page: predictors compared, the paper's figures, the method."""
+    """Write what was learned from people as one web page: predictors compared, the paper's figures, the method.
+
+    Where real people took part here, how the study was run stands at its end, as `appendix` writes it.
+    """
     from app.report import findings
+    from app.report.appendix.document import appendix_of
     from app.report.report import new_file, write
     from app.services.evaluation import people_to_evaluate
     from app.store import open_existing_store
 
     log.configure("WARNING")
     with open_existing_store(database) as store:
-        evaluated = people_to_evaluate(store, study)
+        evaluated = people_to_evaluate(store, study, people == "rehearsed")
+        how_it_was_run = appendix_of(store, sorted({each.name for each in evaluated.studies.values()}))
     warn(evaluated.left_out)
     with new_file(out) as file, new_progress() as progress:
         shown = progress.add_task("report", total=findings.n_steps(len(evaluated.people)))
-        file.write(write(findings.find(seed, evaluated, n_cores(), lambda: progress.advance(shown))))
+        found = findings.find(seed, evaluated, n_cores(), lambda: progress.advance(shown))
+        file.write(write(found, how_it_was_run))
+    console.print(f"Wrote {out}.")
+
+
+def appendix(
+    out: Annotated[Path, typer.Argument(help="A new file, such as appendix.md.")],
+    study: Annotated[str, typer.Option("--study", help="Name of the study.")],
+    people: PeopleOption = "real",
+    database: DatabaseOption = DEFAULT_DATABASE,
+) -> None:
+    """Write what a paper has to report about a study: people, payment, exclusions, demographics, timing, software."""
+    from app.new_file import open_new
+    from app.report.appendix.document import appendix_sections, as_markdown
+    from app.store import Source, open_existing_store
+
+    source = Source.JOINED if people == "real" else Source.REHEARSED
+    with open_existing_store(database) as store:
+        text = as_markdown(f"Reporting appendix: {study}", appendix_sections(store, study, source))
+    with open_new(out) as file:
+        file.write(text)
     console.print(f"Wrote {out}.")
 
 

@@ -12,12 +12,14 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.table import Table
+from typer.core import TyperOption
 
 from app.errors import AppError
 from app.new_file import open_new
 from app.settings import STATIC, find_study
 from app.terminal import JsonOption, build_bank, console
 from study_core.errors import StudyError
+from study_core.reference import settings_table
 from study_core.section import NAME
 from study_core.toml_lines import line_of
 
@@ -73,6 +75,35 @@ def check(
     Console().print(table)
     for note in advice(checked):
         console.print(f"[yellow]Note:[/] {note}", highlight=False)
+
+
+def settings() -> None:
+    """Print every setting: of study files, and of the server, also as environment variables. Markdown."""
+    print(
+        f"# Every setting\n\n{_WHERE_FROM}\n\n## Study files\n\n{settings_table()}\n## The server\n\n{_server_table()}"
+    )
+
+
+_WHERE_FROM = (
+    """`prefstudy settings` prints this page: it is made from what reads a study file and the command line."""
+)
+
+
+def _server_table() -> str:
+    from app.cli.serving import serve
+
+    serving = typer.Typer()
+    serving.command()(serve)
+    rows = [
+        f"| `{option.opts[0]}` | `{option.envvar}` | {_without(option.default)} | {option.help} |"
+        for option in typer.main.get_command(serving).params
+        if isinstance(option, TyperOption) and option.envvar
+    ]
+    return "\n".join(["| option | variable | without it | meaning |", "| --- | --- | --- | --- |", *rows])
+
+
+def _without(default: object) -> str:
+    return "" if default is None else f"`{default}`"
 
 
 def _print_problems(study: str, error: StudyError) -> None:

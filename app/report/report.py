@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -41,8 +41,13 @@ def new_file(path: Path) -> Iterator[TextIO]:
             raise
 
 
-def write(findings: Findings) -> str:
-    """Returns the report as one HTML page."""
+def write(findings: Findings, appendix: Sequence[Section] = ()) -> str:
+    """Returns the report as one HTML page.
+
+    Args:
+        findings: What it is about.
+        appendix: What comes last: how the study was run.
+    """
     evaluation = table.as_json(
         findings.seed, findings.evaluated, findings.comparison, findings.accuracy, findings.curves
     )
@@ -54,7 +59,7 @@ def write(findings: Findings) -> str:
             people=[person.name for person in findings.people],
             sections=[_predictors(evaluation), *_hypotheses(findings)],
             illustrations=illustrations(findings),
-            method=[_said("method")],
+            method=[_said("method"), *appendix],
             versions=_versions(findings),
         )
     )

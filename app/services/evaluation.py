@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,12 +44,13 @@ class Evaluated:
     left_out: list[str]
 
 
-def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated:
-    """Returns everyone who has finished, rehearsed people apart.
+def people_to_evaluate(store: Store, study_name: str | None = None, are_rehearsed: bool = False) -> Evaluated:
+    """Returns everyone who has finished: rehearsed people, or all others.
 
     Args:
         store: Where the answers are.
         study_name: Only people of studies of this name; everyone unless told.
+        are_rehearsed: Whether to try the evaluation on rehearsed people.
 
     Raises:
         NobodyToEvaluateError: Nobody has finished, or people compared trajectories of different domains.
@@ -58,7 +59,9 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
     if study_name is not None and not records:
         raise NobodyToEvaluateError(f"Nobody here has begun a study named '{study_name}'. Check the name.")
     finished = [
-        record for record in records if record.source is not Source.REHEARSED and is_finished(store, record)
+        record
+        for record in records
+        if (record.source is Source.REHEARSED) is are_rehearsed and is_finished(store, record)
     ]
     known = [person(store, record) for record in finished]
     domains = {one.study.domain.id: one.study.domain for one in known}
@@ -74,7 +77,11 @@ def people_to_evaluate(store: Store, study_name: str | None = None) -> Evaluated
         )
     people, samples, left_out = [], {}, []
     studies: dict[str, Study] = {}
+    verdicts = _verdicts(store, {one.study.name for one in known})
     for record, name, one in zip(finished, _names(known), known, strict=True):
+        if record.id in verdicts:
+            left_out.append(f"Person {name} was {verdicts[record.id]}.")
+            continue
         found = Person(name, one.training, held_out(store, record))
         reason = _unfit(found)
         if reason:
@@ -96,9 +103,19 @@ def number(known: Learner) -> str:
     return str(known.participant).removeprefix(PARTICIPANT_PREFIX)
 
 
+def _verdicts(store: Store, study_names: Iterable[str]) -> dict[str, str]:
+    """Returns, by session, what was decided against people, with the reason."""
+    lines = (line for name in study_names for line in store.person_lines(name))
+    return {
+        line.session.id: f"{line.review.verdict}: {line.review.reason}"
+        for line in lines
+        if line.review.verdict is not None
+    }
+
+
 def _remedy(records: Sequence[SessionRecord]) -> str:
     if any(record.source is Source.REHEARSED for record in records):
-        return "Import or finish some sessions first; rehearsed people are never evaluated."
+        return "Import or finish some sessions first; rehearsed people count only with --people rehearsed."
     return "Import or finish some sessions first."
 
 

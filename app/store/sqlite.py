@@ -121,11 +121,16 @@ def back_up(path: Path, label: str) -> Path:
     Returns:
         The copy.
     """
-    at = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%fZ")
-    copy = path.with_name(f"{path.name}.{label}.{at}.bak")
+    copy = name_of_copy(path, label)
     with closing(sqlite3.connect(path)) as original, closing(sqlite3.connect(copy)) as target:
         original.backup(target)
     return copy
+
+
+def name_of_copy(path: Path, label: str) -> Path:
+    """A new name for a copy of a database, next to it."""
+    at = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%fZ")
+    return path.with_name(f"{path.name}.{label}.{at}.bak")
 
 
 def _prepare_connection(dbapi_connection: Any, _record: object) -> None:

@@ -43,7 +43,8 @@ def put(rows: Session, session_id: str, n_events: int, standing: Standing) -> No
 
 def lengths(rows: Session) -> dict[str, int]:
     """By session, the length of the log that its standing was written with."""
-    return dict(rows.execute(select(StandingRow.session_id, StandingRow.n_events)).tuples().all())
+    query = select(StandingRow.session_id, StandingRow.n_events)
+    return {row.session_id: row.n_events for row in rows.execute(query)}
 
 
 def lines(rows: Session, study_name: str, session_id: str | None = None) -> list[PersonLine]:

@@ -15,9 +15,10 @@ from app.services.rehearsal import rehearse
 from app.services.rehearsed_person import Crowd
 from app.services.walk import walk
 from app.settings import find_study
-from app.store import Store
+from app.store import Review, Store, Verdict
 from study_core.comparison import Choice
 from study_core.events import AnswerGiven
+from study_core.study import parse_study
 from tests.support.published import write_person
 
 QUICKSTART = find_study("quickstart")
@@ -104,5 +105,23 @@ def test_a_study_that_nobody_has_begun_is_named(store: Store, tmp_path: Path) ->
 def test_rehearsed_people_are_said_not_to_count(store: Store, database_url: str) -> None:
     with wiring.headless(database_url) as runtime:
         rehearse(runtime, QUICKSTART, Crowd(1, 1), 1, lambda: None)
-    with pytest.raises(NobodyToEvaluateError, match="rehearsed people are never evaluated"):
+    with pytest.raises(NobodyToEvaluateError, match="rehearsed people count only with"):
         people_to_evaluate(store)
+
+
+def test_rehearsed_people_can_try_the_evaluation_out_on_their_own(store: Store, database_url: str) -> None:
+    longer = parse_study(QUICKSTART.text.replace("active_queries = 8 ", "active_queries = 14 "))
+    with wiring.headless(database_url) as runtime:
+        for number in (1, 2):
+            rehearse(runtime, longer, Crowd(3, 2), number, lambda: None)
+    found = people_to_evaluate(store, "quickstart", are_rehearsed=True)
+    assert [person.name for person in found.people] == ["rehearsal-3-1", "rehearsal-3-2"]
+
+
+def test_whoever_was_excluded_is_left_out_with_the_reason(store: Store, tmp_path: Path) -> None:
+    import_people(store, tmp_path, person_1=12, person_2=13)
+    second = store.sessions()[1]
+    store.desk.put_review(second.id, Review(Verdict.EXCLUDED, "fell asleep"), "ann")
+    found = people_to_evaluate(store)
+    assert [person.name for person in found.people] == ["1"]
+    assert found.left_out == ["Person 2 was excluded: fell asleep."]

@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -98,7 +99,7 @@ class Export:
         """Returns a person's rows of a table. It is quick when people are asked for in the order of `people`."""
         schema = self._schema(table)
         if table not in self._runs:
-            self._runs[table] = Runs(lambda: self._batches(schema), ("person_id",))
+            self._runs[table] = Runs(lambda: self._batches(schema), ("person_id",), self._place_of)
         return [row for batch in self._runs[table].of(person_id) for row in rows_of(schema, batch)]
 
     def samples(self, person_id: str, query_index: int) -> Float[np.ndarray, "n_samples n_weights"]:
@@ -171,7 +172,16 @@ class Export:
 
     @cached_property
     def _posteriors(self) -> Runs:
-        return Runs(lambda: self._batches(self._schema("samples")), ("person_id", "query_index"))
+        columns = ("person_id", "query_index")
+        return Runs(lambda: self._batches(self._schema("samples")), columns, self._place_of)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {row["person_id"]: place for place, row in enumerate(self.rows("people"))}
+
+    def _place_of(self, key: tuple[Any, ...]) -> tuple[int, ...]:
+        """Returns where the rows of a person, or of a query of theirs, stand in every table; nobody's at the end."""
+        return (self._places.get(key[0], len(self._places)), *key[1:])
 
     def _read_study(self, study_hash: str) -> Study:
         path = self.folder / materials(self.manifest.form) / "studies" / f"{study_hash}.toml"
