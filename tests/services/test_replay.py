@@ -240,6 +240,43 @@ def test_any_number_changed_in_any_row_makes_a_replay_fail(
     shutil.rmtree(folder)
 
 
+def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The places of all numbers in a JSON value that aren't whole."""
+    entries = (
+        value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    )
+    for key, entry in entries:
+        yield from leaves(entry, (*path, key))
+    if isinstance(value, float):
+        yield path
+
+
+@settings(max_examples=15)
+@given(place=st.integers(0, 10**6), is_mended=st.booleans())
+def test_any_number_of_any_query_changed_in_the_log_makes_a_replay_fail(
+    small: Path, runtime: Runtime, tmp_path_factory: pytest.TempPathFactory, place: int, is_mended: bool
+) -> None:
+    folder = Path(shutil.copytree(small, tmp_path_factory.mktemp("changed") / "out"))
+
+    def change(log: list[Json]) -> None:
+        queries = [row["payload"] for row in log if row["kind"] == "query_prepared"]
+        content = queries[place % len(queries)]
+        del content["compute_ms"]
+        (*path, last) = list(leaves(content))[place % len(list(leaves(content)))]
+        for key in path:
+            content = content[key]
+        content[last] = content[last] * (1 + 2**-40) + 2**-60
+        queries[place % len(queries)]["compute_ms"] = 1.0
+
+    edit(folder, "events", change)
+    if is_mended:
+        mend(folder)
+    named = r"query \d .*: stored " if is_mended else r"events\.jsonl, row \d+ \(person .* payload is"
+    with pytest.raises(ReplayDifferenceError if is_mended else ExportDifferenceError, match=named):
+        replayed(folder, runtime=runtime)
+    shutil.rmtree(folder)
+
+
 STEP_CHANGES = {
     "a control": lambda payload: payload["query"]["controls_b"].__setitem__(4, 0.1),
     "a feature": lambda payload: payload["query"]["features_a"].__setitem__(1, 0.1),

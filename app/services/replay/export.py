@@ -68,7 +68,7 @@ def survey(export: Export) -> Survey:
 
     Raises:
         OtherVersionError: Something was computed by other versions than those installed.
-        ReplayDifferenceError: A log can't have come about.
+        ReplayDifferenceError: An entry of a log can't be read.
         ScriptError: Nobody can be derived again.
     """
     n_people, n_queries, left_out = 0, 0, []

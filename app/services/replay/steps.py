@@ -84,10 +84,10 @@ def _parameters(
     """Returns the response parameters of each sample: those kept with it, or the ones that all samples have."""
     if kept is not None:
         return ResponseParameters(*np.ascontiguousarray(kept.T))
-    quantiles = {name: {row[f"{name}_{level}"] for level in ("q05", "median", "q95")} for name in QUANTITIES}
-    if any(len(values) > 1 or None in values for values in quantiles.values()):
+    constants = [row[f"{name}_median"] for name in QUANTITIES if row[f"{name}_q05"] == row[f"{name}_q95"]]
+    if len(constants) < len(QUANTITIES) or None in constants:
         return None
-    return ResponseParameters.constant(n_samples, *(quantiles[name].pop() for name in QUANTITIES))
+    return ResponseParameters.constant(n_samples, *constants)
 
 
 def _diagnostics(row: Row, study: Study, n_weights: int) -> Diagnostics:
