@@ -143,7 +143,9 @@ def _steps() -> TableSchema:
             Column("outcome", "string", "What became of it.", levels=tuple(StepOutcome)),
             _LANGUAGE,
             Column(
-                "text_sha256", "string", "SHA-256 of the text that was read; the texts are in `texts.csv`."
+                "text_sha256",
+                "string",
+                "SHA-256 of the text that was read; the texts are in the folder `texts`.",
             ),
             Column("at", "timestamp", "When it was taken."),
         ),
