@@ -28,6 +28,7 @@ from app.services import study as services
 from app.services.continuation import Engine
 from app.services.desk_accounts import DeskAccounts
 from app.services.population import PopulationTrainer
+from app.services.reports import ReportShelf
 from app.services.runtime import Runtime
 from app.services.shown import shown
 from app.services.standing import catch_up
@@ -227,8 +228,11 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         keeper.refresh(session_id)
         changes.notify(session_id)
 
+    reports = ReportShelf(settings.database)
+
     def shut_down() -> None:
         keeper.close()
+        reports.close()
         runtime.close()
 
     runtime.on_change, runtime.on_deletion = on_change, keeper.forget
@@ -238,7 +242,14 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         return None if record is None else record.id
 
     routes = stage_routes(keeper, session_of, settings.public_url)
-    desk = DeskParts(runtime, settings.study, accounts or DeskAccounts(runtime.store), settings.public_url)
+    desk = DeskParts(
+        runtime,
+        settings.study,
+        accounts or DeskAccounts(runtime.store),
+        settings.database,
+        reports,
+        settings.public_url,
+    )
     mounts = {"/desk": create_desk(desk), "/api/v1": create_api(desk)}
     return SiteParts(
         runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, mounts, shut_down
