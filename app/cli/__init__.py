@@ -12,8 +12,9 @@ from app.cli.data import backup, delete, forget, import_, migrate, restore
 from app.cli.experimenters import experimenter
 from app.cli.exporting import export
 from app.cli.learning import appendix, evaluate, report, train
+from app.cli.reproducing import replay
 from app.cli.serving import link, serve
-from app.cli.sessions import replay, simulate
+from app.cli.sessions import simulate
 from app.cli.studies import check, new, settings
 from app.errors import AppError
 from app.terminal import console

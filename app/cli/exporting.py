@@ -34,7 +34,7 @@ def export(
     clips: Annotated[
         bool,
         typer.Option(
-            "--clips", help="Build the animations that people saw as well: some 300 kB a query, and slow."
+            "--clips", help="Build the animations that people saw as well: some 200 kB and 10 ms a query."
         ),
     ] = False,
     pseudonyms: Annotated[

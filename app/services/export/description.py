@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,6 @@ def _dataset(form: Form, tables: Sequence[TableSchema], studies: Sequence[Study]
             "People compared animated trajectories, two at a time, and a model of their preferences learned along. "
             f"Exported by prefstudy from {'the study' if len(names) == 1 else 'the studies'} {', '.join(names)}."
         ),
-        "schemaVersion": "Psych-DS 0.4.0",
         "keywords": ["preferences", "pairwise comparison", "robotics"],
         "variableMeasured": list(_variables(tables)),
         "distribution": [
@@ -66,22 +66,19 @@ def _dataset(form: Form, tables: Sequence[TableSchema], studies: Sequence[Study]
 
 
 def _variables(tables: Sequence[TableSchema]) -> Iterator[dict[str, Any]]:
-    """Gives every column once; what it says differently in several tables is said for each."""
-    told: dict[str, dict[str, list[Column]]] = {}
+    """Gives every column once; where tables mean different things by a name, what it says in each."""
+    columns: dict[str, Column] = {}
+    meanings: dict[str, dict[str, list[str]]] = {}
     for table in tables:
         for column in table.columns:
-            told.setdefault(column.name, {}).setdefault(column.description, []).append(column)
-    where = {
-        (column.name, column.description): [table.name for table in tables if column in table.columns]
-        for table in tables
-        for column in table.columns
-    }
-    for name, meanings in told.items():
-        first = next(iter(meanings.values()))[0]
-        descriptions = list(meanings)
-        if len(descriptions) > 1:
-            descriptions = [f"In {', '.join(where[name, each])}: {each}" for each in descriptions]
-        yield _variable(first, " ".join((*descriptions, _KINDS[first.kind])))
+            columns.setdefault(column.name, column)
+            meanings.setdefault(column.name, {}).setdefault(column.description, []).append(table.name)
+    for name, told in meanings.items():
+        column, descriptions = columns[name], list(told)
+        if len(told) > 1:
+            column = replace(column, levels=(), least=None, most=None)
+            descriptions = [f"In {', '.join(where)}: {meaning}" for meaning, where in told.items()]
+        yield _variable(column, " ".join((*descriptions, _KINDS[column.kind])))
 
 
 def _variable(column: Column, description: str) -> dict[str, Any]:

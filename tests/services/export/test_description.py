@@ -147,7 +147,7 @@ OFFICIAL_KEYWORDS = {
 }  # fmt: skip
 # schema.org's properties of a Dataset and of a PropertyValue, as far as we use any.
 OF_DATASET = {
-    "@context", "@type", "name", "description", "variableMeasured", "schemaVersion", "keywords", "distribution",
+    "@context", "@type", "name", "description", "variableMeasured", "keywords", "distribution",
 }  # fmt: skip
 OF_PROPERTY_VALUE = {"@type", "name", "description", "unitText", "minValue", "maxValue", "valuePattern"}
 

@@ -60,7 +60,7 @@ def test_an_untouched_export_is_as_it_was_written(exports: dict[str, Export]) ->
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "jsonl"])
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_any_single_changed_value_is_found_and_named(
     small: dict[str, Export], form: str, data: st.DataObject
