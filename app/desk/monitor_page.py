@@ -10,7 +10,6 @@ from statistics import median
 from markupsafe import Markup
 
 from app.desk import charts
-from app.desk.view import duration
 from app.services.monitor import Person
 from app.store import Source
 
@@ -126,7 +125,7 @@ def spreads(people: Sequence[Person]) -> list[Spread]:
     accuracies = [person.accuracy for person in counted if person.accuracy is not None]
     responses = [person.response_s for person in counted if person.response_s is not None]
     firsts = [person.first_share for person in counted if person.first_share is not None]
-    taken = [_seconds(person.taken) or 0.0 for person in counted if person.has_completed]
+    taken = [(_seconds(person.taken) or 0.0) / 60.0 for person in counted if person.has_completed]
     return [
         _spread("Held-out accuracy so far", accuracies, charts.of_shares()),
         _spread("Mean response time", responses, charts.up_to(max(responses, default=1.0), _in_seconds)),
@@ -152,8 +151,8 @@ def _seconds(length: timedelta | None) -> float | None:
 
 
 def _in_seconds(seconds: float) -> str:
-    return f"{seconds:.1f} s"
+    return f"{seconds:.2g} s"
 
 
-def _in_minutes(seconds: float) -> str:
-    return duration(timedelta(seconds=seconds))
+def _in_minutes(minutes: float) -> str:
+    return f"{minutes:.2g} min"

@@ -324,7 +324,7 @@ def _signs(line: PersonLine) -> Iterable[str]:
         yield f"{line.n_checks - line.n_checks_passed} of {line.n_checks} checks failed"
     if _is_one_sided(line):
         share = line.n_first / line.n_sided
-        yield f"chose the {'first' if share > 0.5 else 'second'} in {max(share, 1 - share):.0%}"
+        yield f"{'first' if share > 0.5 else 'second'} in {max(share, 1 - share):.0%}"
     if _has_large_r_hat(line):
         yield f"R-hat {line.r_hat:.2f}"
 
