@@ -105,12 +105,8 @@ def number(known: Learner) -> str:
 
 def _verdicts(store: Store, study_names: Iterable[str]) -> dict[str, str]:
     """Returns, by session, what was decided against people, with the reason."""
-    lines = (line for name in study_names for line in store.person_lines(name))
-    return {
-        line.session.id: f"{line.review.verdict}: {line.review.reason}"
-        for line in lines
-        if line.review.verdict is not None
-    }
+    against = {key: review for name in study_names for key, review in store.reviews_against(name).items()}
+    return {key: f"{review.verdict}: {review.reason}" for key, review in against.items()}
 
 
 def _remedy(records: Sequence[SessionRecord]) -> str:

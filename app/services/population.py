@@ -19,6 +19,7 @@ from typing import Any, Protocol
 from app.services.computations import hand_over
 from app.services.continuation import Computation, Engine
 from app.services.people import ActiveAnswers, is_finished, person, study_of
+from app.store.desk_records import Review
 from app.store.errors import SessionDeletedError
 from app.store.records import ModelRecord, SessionRecord, Source
 from study_core import session_codec
@@ -77,6 +78,10 @@ class PopulationStore(ActiveAnswers, SharedModels, Protocol):
         ...
 
     def sessions_of_study_named(self, name: str) -> list[SessionRecord]:
+        """See `Store`."""
+        ...
+
+    def reviews_against(self, study_name: str) -> dict[str, Review]:
         """See `Store`."""
         ...
 
@@ -221,12 +226,15 @@ class PopulationTrainer:
         return None if model is not None and model.key == request.key else request
 
     def _known(self, study: Study) -> dict[str, ComparedFeatures]:
-        """Returns what everyone compared who has finished in the domain that the study has now.
+        """Returns what everyone compared who has finished in the domain that the study has now, and counts.
 
         Each is read once, since what somebody has finished never changes; whoever is deleted is forgotten.
         """
         before, known = self._known_of.get(study.name, {}), {}
+        against = self._store.reviews_against(study.name)
         for record in self._store.sessions_of_study_named(study.name):
+            if record.id in against:
+                continue
             if record.id in before:
                 known[record.id] = before[record.id]
             elif self._counts(study, record):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.store import sessions
 from app.store.desk_records import Review, Verdict
 from app.store.errors import ReviewChangedError
-from app.store.models import ReviewRow
+from app.store.models import ReviewRow, SessionRow, StudyRow
 from app.store.utc import now
 
 STUDY_FILE = "study file"
@@ -18,6 +19,17 @@ def of_session(rows: Session, session_id: str) -> Review:
     """What is decided about a session."""
     sessions.by_id(rows, session_id)
     return record_of(rows.get(ReviewRow, session_id))
+
+
+def against(rows: Session, study_name: str) -> dict[str, Review]:
+    """By session, what speaks against people of a study; nobody else is in it."""
+    query = (
+        select(ReviewRow)
+        .join(SessionRow, SessionRow.id == ReviewRow.session_id)
+        .join(StudyRow, StudyRow.study_hash == SessionRow.study_hash)
+        .where(StudyRow.name == study_name, ReviewRow.verdict.is_not(None))
+    )
+    return {row.session_id: record_of(row) for row in rows.scalars(query)}
 
 
 def put(rows: Session, session_id: str, review: Review, who: str) -> Review:

@@ -28,7 +28,7 @@ from app.store import (
     tokens,
 )
 from app.store.desk import DeskStore
-from app.store.desk_records import Arm, PersonLine
+from app.store.desk_records import Arm, PersonLine, Review
 from app.store.engine import Database, parse_url
 from app.store.errors import StoreError
 from app.store.migrate import ensure_schema, head_version
@@ -262,6 +262,11 @@ class Store:
         with self._database.reading() as rows:
             name = studies.name(rows, sessions.by_id(rows, session_id).study_hash)
             return standings.lines(rows, name, session_id)[0]
+
+    def reviews_against(self, study_name: str) -> dict[str, Review]:
+        """By session, why people of a study were rejected or excluded; nobody else is in it."""
+        with self._database.reading() as rows:
+            return reviews.against(rows, study_name)
 
     def put_standing(self, session_id: str, n_events: int, standing: Standing) -> None:
         """Keeps where a session stands whose log was written without; see `append`."""

@@ -23,7 +23,7 @@ from app.services.population import KIND, PopulationRequest, PopulationTrainer, 
 from app.services.replay import ReplayDifferenceError, Script, read_scripts, replay
 from app.services.runtime import Runtime
 from app.settings import find_study
-from app.store import Store, open_store
+from app.store import Review, Store, Verdict, open_store
 from app.training import fit_population
 from study_core import session_codec
 from study_core.errors import ScriptError
@@ -117,6 +117,15 @@ def test_the_next_person_starts_from_everyone_who_has_finished(runtime: Runtime)
     assert expected is not None
     np.testing.assert_array_equal(found.population.mean, expected.mean)
     np.testing.assert_array_equal(found.population.covariance, expected.covariance)
+
+
+def test_whoever_was_excluded_teaches_nobody(runtime: Runtime) -> None:
+    first, second = finish(runtime), finish(runtime, "babbaababaab")
+    learned_from(runtime.store, [first, second])
+    runtime.store.desk.put_review(first, Review(Verdict.EXCLUDED, "asleep"), "ann")
+    assert runtime.populations is not None
+    runtime.populations.begin(STUDY)
+    learned_from(runtime.store, [second])
 
 
 def test_what_was_learned_moves_the_first_posterior(runtime: Runtime) -> None:
