@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from importlib.metadata import version
 
+from app.machine import machine
 from app.services.continuation import Continuation, FeatureRequest, Request
 from app.stage.clip import build_clip
 from app.stage.framing import Layout
@@ -55,6 +56,7 @@ def continue_session(request: Request) -> Continuation:
         slot.first_shown,
         slot.repeat_of,
         slot.instructed,
+        machine(),
     )
     return Continuation(prepared, posterior, request.learned)
 
@@ -67,7 +69,7 @@ def learn(request: FeatureRequest) -> FeatureLearned:
         feature = learn_feature(study, request.participant, request.n_queries, request.compared)
     except NetworkError:
         log.warning("%s: the training of a feature diverged; the session goes on without it", request.key)
-    return FeatureLearned(request.query_index, request.n_queries, feature, CODE_VERSION)
+    return FeatureLearned(request.query_index, request.n_queries, feature, CODE_VERSION, machine())
 
 
 def _propose(study: Study, request: Request, slot: Slot, posterior: Posterior | None) -> ProposedQuery:

@@ -59,3 +59,23 @@ def warn(left_out: Sequence[str]) -> None:
 def print_result(result: dict[str, Any], is_json: bool) -> None:
     """Prints what was measured: on one line, or to be read."""
     print(json.dumps(result) if is_json else json.dumps(result, indent=2))
+
+
+def print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
+    """Prints a session: as one JSON line, or as what a person wants to see, query by query unless there are many."""
+    if is_json:
+        print(json.dumps(summary))
+        return
+    out = Console()
+    out.print(f"{summary['study']}, participant {summary['participant']}: {headline}", highlight=False)
+    for row in summary["queries"] if has_queries else ():
+        difference = [
+            a - b for a, b in zip(row["query"]["features_a"], row["query"]["features_b"], strict=True)
+        ]
+        values = " ".join(f"{value:+.3f}" for value in difference)
+        out.print(
+            f"  query {row['query_index']:3d} {row['phase']:8s} {values}  -> {row['choice']}", highlight=False
+        )
+    if summary["posterior"] is not None:
+        mean = " ".join(f"{value:.3f}" for value in summary["posterior"]["mean"])
+        out.print(f"  posterior mean {mean}, test accuracy {summary['test_accuracy']}", highlight=False)

@@ -88,6 +88,7 @@ class QueryPrepared:
             imported session, and in one kept before sides were drawn, which showed A first.
         repeat_of: Index of the query that this one asks again.
         instructed: What a check tells the person to choose.
+        machine: Type of the processor that computed it; None for an imported query, and where nobody wrote it down.
     """
 
     query_index: int
@@ -99,6 +100,7 @@ class QueryPrepared:
     first_shown: Choice | None
     repeat_of: int | None = None
     instructed: Position | None = None
+    machine: str | None = None
 
     @property
     def side_shown_first(self) -> Choice:
@@ -176,12 +178,14 @@ class FeatureLearned:
         n_queries: It was learned from the answers to so many first queries.
         feature: The feature; None if the training diverged, and the session goes on with what it had.
         code_version: Version of prefstudy that learned it.
+        machine: Type of the processor that learned it; None where nobody wrote it down.
     """
 
     query_index: int
     n_queries: int
     feature: LearnedFeature | None
     code_version: str
+    machine: str | None = None
 
 
 Event = (

@@ -27,8 +27,11 @@ Participant = int | str
 # Controls closer than this, in units of their bounds, are one trajectory, whatever a study's own bound is.
 SAME_CONTROLS = 1e-6
 
-# How many pairs of a ranking are tried, at most, until two trajectories look different.
-_MOST_PAIRS_TRIED = 10
+MOST_PAIRS_TRIED = 10
+"""How many pairs of a ranking are tried, at most, until two trajectories look different."""
+
+TEST_SET = "test-set"
+LAST_RESORT = "prior"
 
 
 @dataclass(frozen=True)
@@ -97,8 +100,13 @@ class ProposedQuery:
 
 
 @dataclass(frozen=True)
-class _Ranking:
-    """Pairs to try in turn, and what to call where they come from."""
+class Ranking:
+    """Pairs to try in turn.
+
+    Attributes:
+        method: What to call where they come from.
+        pairs: Best first.
+    """
 
     method: str
     pairs: RankedPairs
@@ -108,7 +116,7 @@ class _Ranking:
 class _Attempt:
     """A pair turned into trajectories, A first, and whether it can be shown."""
 
-    ranking: _Ranking
+    ranking: Ranking
     rank: int
     controls: Float[np.ndarray, "2 n_controls"]
     weights: Float[np.ndarray, "2 n_features"] | None
@@ -144,23 +152,30 @@ def propose_active_query(
         query_index: Index of the query in the session, from 0.
         posterior: After the answers so far.
     """
-    names = (participant, query_index)
-    section = study.file.acquisition
-    method = acquisition_named(section.method)
-    rewards = study.rewards
+    ranked = rank_active(study, participant, query_index, posterior)
+    last_resort = rank_last_resort(study, participant, query_index)
+    method = acquisition_named(study.file.acquisition.method)
+    return _first_distinct(study, (participant, query_index), (method.version,), (ranked, last_resort))
+
+
+def rank_active(study: Study, participant: Participant, query_index: int, posterior: Posterior) -> Ranking:
+    """Returns the pairs that the study's acquisition method would ask about, best first."""
+    section, rewards = study.file.acquisition, study.rewards
     situation = Situation(rewards.domain, posterior, rewards.bank, section.mu, section.min_difference)
-    rng = stream(study.seed, "acquisition", *names)
-    ranked = method.rank_pairs(rng, situation, _MOST_PAIRS_TRIED + 1)
-    last_resort = _random_weights(study, stream(study.seed, "last-resort", *names))
-    rankings = (_Ranking(section.method, ranked), _Ranking("prior", last_resort))
-    return _first_distinct(study, names, (method.version,), rankings)
+    rng = stream(study.seed, "acquisition", participant, query_index)
+    method = acquisition_named(section.method)
+    return Ranking(section.method, method.rank_pairs(rng, situation, MOST_PAIRS_TRIED + 1))
+
+
+def rank_last_resort(study: Study, participant: Participant, query_index: int) -> Ranking:
+    """Returns what is tried where no pair of the acquisition method looks different."""
+    rng = stream(study.seed, "last-resort", participant, query_index)
+    return Ranking(LAST_RESORT, _random_weights(study, rng))
 
 
 def propose_test_set(study: Study) -> tuple[ProposedQuery, ...]:
     """Returns the common test queries: best drives for random pairs of w from the prior, the same for everyone."""
-    return tuple(
-        _propose_common("test-weights", "test-set", study, i) for i in range(study.protocol.test_queries)
-    )
+    return tuple(_propose_common(study, TEST_SET, number) for number in range(study.protocol.test_queries))
 
 
 def propose_common_query(study: Study, purpose: str, number: int) -> ProposedQuery:
@@ -171,32 +186,42 @@ def propose_common_query(study: Study, purpose: str, number: int) -> ProposedQue
         purpose: Names the random streams.
         number: Of the query among those of its purpose, from 0.
     """
-    return _propose_common(f"{purpose}-weights", purpose, study.knowing(NOTHING), number)
+    return _propose_common(study.knowing(NOTHING), purpose, number)
 
 
-def _propose_common(weights_stream: str, purpose: str, study: Study, number: int) -> ProposedQuery:
-    pairs = _random_weights(study, stream(study.seed, weights_stream, number))
-    return _first_distinct(study, (purpose, number), (), (_Ranking(purpose, pairs),))
+def _propose_common(study: Study, purpose: str, number: int) -> ProposedQuery:
+    return _first_distinct(study, (purpose, number), (), (rank_common(study, purpose, number),))
+
+
+def rank_common(study: Study, purpose: str, number: int) -> Ranking:
+    """Returns the pairs of which a query that is the same for everyone is the first that looks different.
+
+    Args:
+        study: The study.
+        purpose: `test-set`, `practice` or `check`.
+        number: Of the query among those of its purpose, from 0.
+    """
+    weights_stream = "test-weights" if purpose == TEST_SET else f"{purpose}-weights"
+    return Ranking(purpose, _random_weights(study, stream(study.seed, weights_stream, number)))
 
 
 def _random_weights(study: Study, rng: np.random.Generator) -> RankedWeights:
     """Returns random pairs of w from the prior, none better than another."""
-    weights = study.rewards.prior.draw(rng, 2 * _MOST_PAIRS_TRIED)
-    return RankedWeights(weights.reshape(_MOST_PAIRS_TRIED, 2, -1), np.zeros(_MOST_PAIRS_TRIED))
+    weights = study.rewards.prior.draw(rng, 2 * MOST_PAIRS_TRIED)
+    return RankedWeights(weights.reshape(MOST_PAIRS_TRIED, 2, -1), np.zeros(MOST_PAIRS_TRIED))
 
 
 def _first_distinct(
     study: Study,
     names: tuple[str | int, ...],
     method_versions: tuple[str, ...],
-    rankings: tuple[_Ranking, ...],
+    rankings: tuple[Ranking, ...],
 ) -> ProposedQuery:
     """Returns the first pair whose trajectories look different, or of all tried the most different if none do."""
-    # Which of the two is called A is drawn, so that the order of the samples favours nobody.
-    is_swapped = bool(stream(study.seed, "order", *names).integers(2))
+    is_swapped = is_pair_swapped(study, names)
     rng = stream(study.seed, "trajectory", *names)
     attempts: list[_Attempt] = []
-    for ranking, rank in _tries(rankings):
+    for ranking, rank in tries(rankings):
         attempts.append(_attempt(study, rng, ranking, rank, is_swapped))
         if attempts[-1].is_distinct:
             break
@@ -221,15 +246,20 @@ def _first_distinct(
     return ProposedQuery(_query(study.domain, shown.controls), provenance)
 
 
-def _tries(rankings: tuple[_Ranking, ...]) -> Iterator[tuple[_Ranking, int]]:
+def is_pair_swapped(study: Study, names: tuple[str | int, ...]) -> bool:
+    """Returns whether the second of a ranked pair is called A: drawn, so that the samples' order favours nobody."""
+    return bool(stream(study.seed, "order", *names).integers(2))
+
+
+def tries(rankings: tuple[Ranking, ...]) -> Iterator[tuple[Ranking, int]]:
     """Gives the ranks to try of each ranking, best first."""
     for ranking in rankings:
-        for rank in range(min(_MOST_PAIRS_TRIED, len(ranking.pairs))):
+        for rank in range(min(MOST_PAIRS_TRIED, len(ranking.pairs))):
             yield ranking, rank
 
 
 def _attempt(
-    study: Study, rng: np.random.Generator, ranking: _Ranking, rank: int, is_swapped: bool
+    study: Study, rng: np.random.Generator, ranking: Ranking, rank: int, is_swapped: bool
 ) -> _Attempt:
     """Returns the trajectories of a pair, searched for if the method ranked weights."""
     pairs, order = ranking.pairs, [1, 0] if is_swapped else [0, 1]
@@ -243,7 +273,7 @@ def _attempt(
         has_converged = (bool(best.has_converged[0]), bool(best.has_converged[1]))
     paths = visible_paths(study.domain, controls)
     difference = float(visible_difference(paths[:1], paths[1:])[0])
-    is_distinct = _differ(study.domain, controls) and difference >= study.file.acquisition.min_difference
+    is_distinct = differ(study.domain, controls) and difference >= study.file.acquisition.min_difference
     return _Attempt(ranking, rank, controls, weights, has_converged, difference, is_distinct)
 
 
@@ -264,7 +294,8 @@ def best_trajectories(
     return trajectory.best_trajectories(rng, rewards.domain, weights, section.starts)
 
 
-def _differ(domain: Domain, controls: Float[np.ndarray, "2 n_controls"]) -> bool:
+def differ(domain: Domain, controls: Float[np.ndarray, "2 n_controls"]) -> bool:
+    """Returns whether two trajectories are more than one."""
     difference = np.abs(controls[0] - controls[1]) / (domain.control_upper - domain.control_lower)
     return bool(difference.max() > SAME_CONTROLS)
 

@@ -81,6 +81,7 @@ def _prepared_to_json(event: QueryPrepared) -> Json:
         **proposed_to_json(event.proposed),
         "clips": dict(event.clips),
         "code_version": event.code_version,
+        "machine": event.machine,
         "compute_ms": event.compute_ms,
     }
 
@@ -139,6 +140,7 @@ def _feature_to_json(event: FeatureLearned) -> Json:
         "n_queries": event.n_queries,
         "feature": None if event.feature is None else _learned_to_json(event.feature),
         "code_version": event.code_version,
+        "machine": event.machine,
     }
 
 
@@ -149,6 +151,7 @@ def _feature_learned(content: Json) -> FeatureLearned:
         content["n_queries"],
         None if feature is None else _learned(feature),
         content["code_version"],
+        content.get("machine"),
     )
 
 
@@ -179,6 +182,7 @@ def _query_prepared(content: Json) -> QueryPrepared:
         _choice(content.get("first_shown")),
         content.get("repeat_of"),
         None if content.get("instructed") is None else Position(content["instructed"]),
+        content.get("machine"),
     )
 
 

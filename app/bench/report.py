@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.errors import AppError
+from app.machine import cpu_model
 from app.process import n_cores
 from app.versions import versions_of
 
@@ -58,7 +58,7 @@ def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
     return {
         "versions": versions_of([*_PACKAGES, *packages]),
         "cores": n_cores(),
-        "cpu": _cpu_name(),
+        "cpu": cpu_model(),
         "seed": seed,
     }
 
@@ -66,12 +66,3 @@ def provenance(seed: int, packages: Sequence[str] = ()) -> dict[str, Any]:
 def figures(value: float | np.floating[Any]) -> float:
     """Rounds to what a stopwatch can tell."""
     return float(f"{float(value):.4g}")
-
-
-def _cpu_name() -> str:
-    description = Path("/proc/cpuinfo")
-    if description.exists():
-        for line in description.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()

@@ -1,49 +1,18 @@
-"""Commands that walk through whole sessions without a browser: `simulate` and `replay`."""
+"""Walking through whole sessions without a browser: `simulate`."""
 
 from __future__ import annotations
 
-import json
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from app import log
 from app.cli.options import DatabaseOption, SchedulerOption, StudyOption
 from app.process import n_cores
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
-from app.terminal import JsonOption, build_bank, new_progress, warn
-
-
-def replay(
-    path: Annotated[
-        Path, typer.Argument(help="JSON Lines of answers, or a folder that `export --format jsonl` wrote.")
-    ],
-    json_: JsonOption = False,
-) -> None:
-    """Run a scripted or exported session again, headless; fail at the first query that comes out differently.
-
-    Who was asked nothing, or started from somebody who has been deleted, is left out, and named.
-
-    The first line of a script is like {"study": "quickstart", "participant": 1}; each line after it like
-    {"query_index": 0, "choice": "a", "response_time_ms": 1200}.
-    """
-    from app import wiring
-    from app.services.replay import read_scripts
-    from app.services.replay import replay as replay_script
-
-    log.configure("WARNING")
-    with wiring.headless() as runtime:
-        for script in read_scripts(path):
-            if script.hindrance:
-                warn([script.hindrance])
-                continue
-            build_bank(script.study)
-            summary = replay_script(runtime, script)
-            n_stored = len(script.stored or ())
-            _print_summary(summary, json_, f"{script.source}: {n_stored} stored queries reproduced")
+from app.terminal import JsonOption, build_bank, new_progress, print_summary
 
 
 def simulate(
@@ -135,30 +104,10 @@ def simulate(
             if add_rows is not None:
                 add_rows(rehearsal.rows)
             headline = _headline(rehearsal.summary)
-            _print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
+            print_summary(rehearsal.summary, json_, headline, has_queries=people == 1)
 
 
 def _headline(summary: dict[str, Any]) -> str:
     condition = f"condition {summary['condition']}, " if summary["condition"] else ""
     found = "asked nothing" if summary["alignment"] is None else f"alignment {summary['alignment']:.3f}"
     return f"{condition}{summary['ending']}, {found}"
-
-
-def _print_summary(summary: dict[str, Any], is_json: bool, headline: str, has_queries: bool = True) -> None:
-    """Prints a session: as one JSON line, or as what a person wants to see, query by query unless there are many."""
-    if is_json:
-        print(json.dumps(summary))
-        return
-    out = Console()
-    out.print(f"{summary['study']}, participant {summary['participant']}: {headline}", highlight=False)
-    for row in summary["queries"] if has_queries else ():
-        difference = [
-            a - b for a, b in zip(row["query"]["features_a"], row["query"]["features_b"], strict=True)
-        ]
-        values = " ".join(f"{value:+.3f}" for value in difference)
-        out.print(
-            f"  query {row['query_index']:3d} {row['phase']:8s} {values}  -> {row['choice']}", highlight=False
-        )
-    if summary["posterior"] is not None:
-        mean = " ".join(f"{value:.3f}" for value in summary["posterior"]["mean"])
-        out.print(f"  posterior mean {mean}, test accuracy {summary['test_accuracy']}", highlight=False)

@@ -8,6 +8,7 @@ from app.services.runtime import LiveSession, Runtime
 from study_core.learning import compared, feature_due
 from study_core.online.schedule import LEAD
 from study_core.session import SessionState, session_plan
+from study_core.study import Study
 
 # Before the models of people who have finished, which nobody is going to wait for.
 _URGENCY = 0.0
@@ -33,23 +34,25 @@ def feature_before(
         state: A state of it that has all the answers that the feature is learned from.
         query_index: The query.
     """
-    due = feature_due(live.study, state, query_index)
-    if due is None:
+    request = feature_request(live.study, state, query_index)
+    if request is None:
         return None
-    assert state.participant is not None, "a session with answers has begun"
-    request = FeatureRequest(
-        live.study.text,
-        state.participant,
-        due.query_index,
-        due.n_queries,
-        compared(state, due.n_queries),
-    )
     if live.learning is None or not _is_under_way(live.learning, request):
         computation = runtime.engine.submit(
             request.key, runtime.learn_fn, request, _URGENCY, resource="training"
         )
         live.learning = (request, computation)
     return live.learning[1]
+
+
+def feature_request(study: Study, state: SessionState, query_index: int) -> FeatureRequest | None:
+    """Returns what the feature that is due before a query is learned from; None if none is due."""
+    due = feature_due(study, state, query_index)
+    if due is None:
+        return None
+    assert state.participant is not None, "a session with answers has begun"
+    judged = compared(state, due.n_queries)
+    return FeatureRequest(study.text, state.participant, due.query_index, due.n_queries, judged)
 
 
 def _is_under_way(learning: tuple[FeatureRequest, Computation], request: FeatureRequest) -> bool:

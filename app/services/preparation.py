@@ -10,7 +10,7 @@ import numpy as np
 from app.services import learning
 from app.services.computations import has_succeeded, then
 from app.services.continuation import Computation, Continuation, Request
-from app.services.runtime import LiveSession, Runtime
+from app.services.runtime import LiveSession, OpenStudy, Runtime
 from app.store import PopulationWithdrawnError, PositionTakenError, PosteriorRecord, SessionDeletedError
 from study_core.choice import PARAMETER_PRIORS, ResponseParameters
 from study_core.comparison import Choice, ComparisonSet
@@ -55,7 +55,7 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
         return
     learning.begin_early(runtime, live)
     if not session_plan(live.study, live.state).needs_posterior(following):
-        live.ahead[None] = _submit(runtime, _request(live, live.state, following), _AHEAD)
+        live.ahead[None] = _submit(runtime, request_of(live.opened, live.state, following), _AHEAD)
         return
     feature = learning.feature_before(runtime, live, live.state, following)
     if feature is not None and not has_succeeded(feature):
@@ -65,7 +65,8 @@ def look_ahead(runtime: Runtime, live: LiveSession) -> None:
         return
     learned = None if feature is None else feature.result()
     requests = {
-        choice: _request(live, _after(live, choice), following, learned) for choice in live.study.answers
+        choice: request_of(live.opened, _after(live, choice), following, learned)
+        for choice in live.study.answers
     }
     # Answers that say nothing, and all that don't inform the posterior, lead to the same query, which has one key.
     by_key = {request.key: request for request in requests.values()}
@@ -131,6 +132,7 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
         try:
             continuation: Continuation = computation.result()
         except Exception:
+            runtime.health.failed()
             # The log is whole: the next request for this session's screen starts the computation again.
             log.exception("session %s: the next query could not be computed", live.record.id)
             return
@@ -174,7 +176,12 @@ def posterior_record(query_index: int, posterior: Posterior) -> PosteriorRecord:
         "warning": diagnostics.warning,
         **_spread(posterior.parameters),
     }
-    return PosteriorRecord(query_index, posterior.mean, posterior.samples, summary)
+    parameters = np.column_stack([getattr(posterior.parameters, name) for name in PARAMETER_PRIORS])
+    # Those that no sample differs in are the summary's, to the last bit.
+    differ = bool((parameters != parameters[0]).any())
+    return PosteriorRecord(
+        query_index, posterior.mean, posterior.samples, summary, parameters if differ else None
+    )
 
 
 def _spread(parameters: ResponseParameters) -> dict[str, dict[str, float]]:
@@ -211,7 +218,7 @@ def _begin(runtime: Runtime, live: LiveSession, state: SessionState) -> Computat
     index = state.query_index
 
     def begin_with(learned: FeatureLearned | None) -> Computation:
-        return _submit(runtime, _request(live, state, index, learned), _WAITED_FOR)
+        return _submit(runtime, request_of(live.opened, state, index, learned), _WAITED_FOR)
 
     feature = learning.feature_before(runtime, live, state, index)
     if feature is None:
@@ -221,17 +228,23 @@ def _begin(runtime: Runtime, live: LiveSession, state: SessionState) -> Computat
     return then(runtime.hand_over, feature, begin_with)
 
 
-def _request(
-    live: LiveSession,
-    state: SessionState,
-    query_index: int,
-    learned: FeatureLearned | None = None,
+def request_of(
+    opened: OpenStudy, state: SessionState, query_index: int, learned: FeatureLearned | None = None
 ) -> Request:
+    """Returns what the next query of a session is computed from.
+
+    Args:
+        opened: The session's study.
+        state: What the log says.
+        query_index: The query.
+        learned: A feature that the session goes on with from this query on.
+    """
     assert state.participant is not None, "a session that has not begun needs no query"
-    text, participant, given = live.study.text, state.participant, _given_query(live, state, query_index)
-    if not session_plan(live.study, state).needs_posterior(query_index):
+    study, given = opened.study, _given_query(opened, state, query_index)
+    text, participant = study.text, state.participant
+    if not session_plan(study, state).needs_posterior(query_index):
         # What isn't used is left out, so that the same computation has the same name.
-        nothing = ComparisonSet.empty(len(live.study.domain.feature_names))
+        nothing = ComparisonSet.empty(len(study.domain.feature_names))
         return Request(text, participant, query_index, nothing, False, given)
     knowledge = state.knowledge
     if learned is not None and learned.feature is not None:
@@ -240,11 +253,11 @@ def _request(
     return Request(text, participant, query_index, state.comparisons, True, given, knowledge, learned, judged)
 
 
-def _given_query(live: LiveSession, state: SessionState, query_index: int) -> ProposedQuery | None:
+def _given_query(opened: OpenStudy, state: SessionState, query_index: int) -> ProposedQuery | None:
     """Returns a query that need not be chosen: of the common test set, or one that is asked again."""
-    slot = session_plan(live.study, state).slots[query_index]
+    slot = session_plan(opened.study, state).slots[query_index]
     if slot.phase is Phase.TEST:
-        return live.opened.test_set[slot.number]
+        return opened.test_set[slot.number]
     return None if slot.repeat_of is None else state.prepared[slot.repeat_of].proposed
 
 

@@ -140,6 +140,7 @@ class PosteriorRow(Base):
     n_dims: Mapped[int]
     mean: Mapped[bytes] = mapped_column(LargeBinary)
     samples: Mapped[bytes] = mapped_column(LargeBinary)
+    parameters: Mapped[bytes | None] = mapped_column(LargeBinary)
     summary: Mapped[str] = mapped_column(Text)
 
 

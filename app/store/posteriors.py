@@ -13,6 +13,9 @@ from app.store.errors import StoreError
 from app.store.models import PosteriorRow, SessionRow, table_of
 from app.store.records import PosteriorRecord, Source
 
+N_PARAMETERS = 3
+"""Rationality, lapse rate and tie threshold."""
+
 
 def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
     """Adds the posterior of a query, in the place of an earlier one if an answer before it was taken back."""
@@ -23,6 +26,12 @@ def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
             f"{samples.shape}. Put one sample in each row."
         )
     n_samples, n_dims = samples.shape
+    parameters = posterior.parameters
+    if parameters is not None and parameters.shape != (n_samples, N_PARAMETERS):
+        raise StoreError(
+            f"Expected response parameters of shape {(n_samples, N_PARAMETERS)}, got {parameters.shape}. "
+            "Put those of one sample in each row."
+        )
     values = {
         "session_id": session_id,
         "query_index": posterior.query_index,
@@ -30,6 +39,7 @@ def add(rows: Session, session_id: str, posterior: PosteriorRecord) -> None:
         "n_dims": n_dims,
         "mean": encode_floats(mean),
         "samples": encode_floats(samples),
+        "parameters": None if parameters is None else encode_floats(parameters),
         "summary": encode_json(posterior.summary),
     }
     drop(rows, session_id, posterior.query_index)
@@ -92,9 +102,11 @@ def drop_after(rows: Session, session_id: str, query_index: int) -> None:
 
 
 def _record(row: PosteriorRow) -> PosteriorRecord:
+    shape = (row.n_samples, N_PARAMETERS)
     return PosteriorRecord(
         query_index=row.query_index,
         mean=decode_floats(row.mean, (row.n_dims,)),
         samples=decode_floats(row.samples, (row.n_samples, row.n_dims)),
         summary=decode_json(row.summary),
+        parameters=None if row.parameters is None else decode_floats(row.parameters, shape),
     )

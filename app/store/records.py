@@ -114,13 +114,16 @@ class PosteriorRecord:
         query_index: The query it was computed for.
         mean: Posterior mean of the weights, float64, shape `(d,)`.
         samples: Kept samples, float64, shape `(m, d)`.
-        summary: JSON: diagnostics such as `r_hat`, `ess_bulk`, `acceptance`.
+        summary: JSON: diagnostics such as `r_hat`, `ess_bulk`, `acceptance`, and quantiles of the response parameters.
+        parameters: Rationality, lapse rate and tie threshold of each sample, float64, shape `(m, 3)`; None where all
+            samples have those that the summary names, and in what was kept before they were.
     """
 
     query_index: int
     mean: NDArray[np.float64]
     samples: NDArray[np.float64]
     summary: dict[str, Any] = field(default_factory=dict)
+    parameters: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)

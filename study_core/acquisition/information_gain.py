@@ -9,12 +9,14 @@ somebody could want.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from jaxtyping import Float
 
 from study_core.acquisition import kernels
 from study_core.acquisition.free_controls import climb_pairs
-from study_core.acquisition.pairs import Acquisition, RankedTrajectories, Situation
+from study_core.acquisition.pairs import Acquisition, Climbed, RankedTrajectories, Situation
 from study_core.posterior.run import Posterior
 
 
@@ -35,10 +37,12 @@ def information_gains(
     return gains, slopes
 
 
+_CLIMBED = Climbed(lambda posterior: partial(information_gains, posterior))
+
+
 def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> RankedTrajectories:
     """Returns the most informative pairs found; see `study_core.acquisition.pairs.RankFn`."""
-    ranked = climb_pairs(rng, situation.domain, lambda psis: information_gains(situation.posterior, psis))
-    return ranked.best(n_pairs)
+    return climb_pairs(rng, situation.domain, _CLIMBED, situation.posterior).best(n_pairs)
 
 
-INFORMATION_GAIN = Acquisition("information-gain-1", rank_pairs)
+INFORMATION_GAIN = Acquisition("information-gain-1", rank_pairs, climbed=_CLIMBED)

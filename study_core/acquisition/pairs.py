@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -92,6 +93,33 @@ class RankFn(Protocol):
         ...
 
 
+Objective = Callable[
+    [Float[np.ndarray, "n n_features"]], tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_features"]]
+]
+"""Takes psi = Phi(A) - Phi(B) of each pair; gives values and slopes in psi."""
+
+
+@dataclass(frozen=True)
+class Climbed:
+    """What a method looks for among all pairs that can be driven.
+
+    Attributes:
+        objective: What is climbed, smooth.
+        ranked_by: What the pairs found are ranked by, of their psi, if not the objective.
+    """
+
+    objective: Callable[[Posterior], Objective]
+    ranked_by: Callable[[Posterior, Float[np.ndarray, "n n_features"]], Float[np.ndarray, " n"]] | None = None
+
+    def scores(
+        self, posterior: Posterior, psis: Float[np.ndarray, "n n_features"]
+    ) -> Float[np.ndarray, " n"]:
+        """Returns what pairs are ranked by, of their psi."""
+        return (
+            self.objective(posterior)(psis)[0] if self.ranked_by is None else self.ranked_by(posterior, psis)
+        )
+
+
 @dataclass(frozen=True)
 class Acquisition:
     """A method of choosing the next pair.
@@ -100,8 +128,11 @@ class Acquisition:
         version: Changed numbers are a new version, recorded with every query.
         rank_pairs: The method.
         needs_bank: Whether it chooses among the trajectories of a bank.
+        climbed: What it climbs, if its pairs are where climbs over free controls end; None if it ranks a list of pairs,
+            so that the ranking of the same samples is the same on every machine.
     """
 
     version: str
     rank_pairs: RankFn
     needs_bank: bool = False
+    climbed: Climbed | None = None

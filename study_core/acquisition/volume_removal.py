@@ -13,12 +13,14 @@ smooth and within a factor of two; the pairs are ranked by the minimum.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from jaxtyping import Float
 
 from study_core.acquisition import kernels
 from study_core.acquisition.free_controls import climb_pairs
-from study_core.acquisition.pairs import Acquisition, RankedTrajectories, Situation
+from study_core.acquisition.pairs import Acquisition, Climbed, RankedTrajectories, Situation
 from study_core.posterior.run import Posterior
 
 
@@ -33,21 +35,25 @@ def removed_volumes(
     return volumes, slopes
 
 
+def harmonic_means(
+    posterior: Posterior, psis: Float[np.ndarray, "n n_features"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_features"]]:
+    """Returns the harmonic mean of the two shares of volume, and its slope in psi."""
+    (a, b), (slopes_a, slopes_b) = removed_volumes(posterior, psis)
+    total = np.maximum(a + b, np.finfo(float).tiny)
+    shares_a, shares_b = (b / total)[:, None], (a / total)[:, None]
+    return 2.0 * a * b / total, 2.0 * (shares_a**2 * slopes_a + shares_b**2 * slopes_b)
+
+
+_CLIMBED = Climbed(
+    objective=lambda posterior: partial(harmonic_means, posterior),
+    ranked_by=lambda posterior, psis: removed_volumes(posterior, psis)[0].min(axis=0),
+)
+
+
 def rank_pairs(rng: np.random.Generator, situation: Situation, n_pairs: int) -> RankedTrajectories:
     """Returns the pairs found that remove most; see `study_core.acquisition.pairs.RankFn`."""
-
-    def harmonic_mean(
-        psis: Float[np.ndarray, "n n_features"],
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n_features"]]:
-        (a, b), (slopes_a, slopes_b) = removed_volumes(situation.posterior, psis)
-        total = np.maximum(a + b, np.finfo(float).tiny)
-        shares_a, shares_b = (b / total)[:, None], (a / total)[:, None]
-        return 2.0 * a * b / total, 2.0 * (shares_a**2 * slopes_a + shares_b**2 * slopes_b)
-
-    def smallest(psis: Float[np.ndarray, "n n_features"]) -> Float[np.ndarray, " n"]:
-        return removed_volumes(situation.posterior, psis)[0].min(axis=0)
-
-    return climb_pairs(rng, situation.domain, harmonic_mean, smallest).best(n_pairs)
+    return climb_pairs(rng, situation.domain, _CLIMBED, situation.posterior).best(n_pairs)
 
 
-VOLUME_REMOVAL = Acquisition("volume-removal-1", rank_pairs)
+VOLUME_REMOVAL = Acquisition("volume-removal-1", rank_pairs, climbed=_CLIMBED)

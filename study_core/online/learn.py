@@ -24,6 +24,7 @@ from study_core.networks.model import Examples, Networks
 from study_core.networks.training import VERSION, Lesson, train
 from study_core.online.feature import N_FOLDS, Compared, LearnedFeature
 from study_core.online.rewards import rewards_with
+from study_core.posterior.prior import Prior
 from study_core.posterior.run import infer
 from study_core.queries import Participant
 from study_core.streams import stream
@@ -57,7 +58,7 @@ def learn_feature(
     Raises:
         NetworkError: The training diverged.
     """
-    rng = stream(study.seed, "feature", participant, n_queries)
+    rng = _stream(study, participant, n_queries)
     domain, comparisons, controls = study.domain, compared.comparisons, compared.controls
     inputs = [CONFIG.inputs_of(domain, domain.rollout(controls[:, side])) for side in (0, 1)]
     fold = np.arange(len(comparisons)) % N_FOLDS
@@ -120,9 +121,30 @@ def _with_drives(rng: np.random.Generator, study: Study, feature: LearnedFeature
     rewards = rewards_with(study.rewards, feature)
     domain, bank = rewards.domain, rewards.bank
     assert bank is not None, "drives are looked for where there is a bank"
-    weights = rewards.prior.draw(rng, _N_DRIVES)
+    weights = _draw_drive_weights(rng, study)
     starts = bank.controls[np.argmax(weights @ bank.features.T, axis=1)]
     controls, _, has_converged, _ = lbfgs.maximise(domain, starts, weights)
     controls, weights = controls[has_converged], weights[has_converged]
     rows = distinct_rows(visible_paths(domain, controls), _LEAST_DIFFERENCE)
     return replace(feature, drives=controls[rows], drive_weights=weights[rows])
+
+
+def drawn_drive_weights(
+    study: Study, participant: Participant, n_queries: int
+) -> Float[np.ndarray, "n_drives n_weights"]:
+    """Returns the weights for which a feature's drives were looked for, found or not.
+
+    Args:
+        study: The study.
+        participant: Names the session's random streams.
+        n_queries: How many queries had been asked.
+    """
+    return _draw_drive_weights(_stream(study, participant, n_queries), study)
+
+
+def _draw_drive_weights(rng: np.random.Generator, study: Study) -> Float[np.ndarray, "n_drives n_weights"]:
+    return Prior(study.prior.support, study.prior.n_features + 1).draw(rng, _N_DRIVES)
+
+
+def _stream(study: Study, participant: Participant, n_queries: int) -> np.random.Generator:
+    return stream(study.seed, "feature", participant, n_queries)

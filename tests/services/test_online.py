@@ -13,11 +13,11 @@ import pytest
 from app import wiring
 from app.services import study as services
 from app.services.continuation import FeatureRequest
-from app.services.export import ExportOptions, export
+from app.services.export import ExportOptions, export, open_export
 from app.services.learning import feature_before
 from app.services.rehearsal import Rehearsal, rehearse
 from app.services.rehearsed_person import Crowd
-from app.services.replay import ReplayDifferenceError, read_scripts, replay
+from app.services.replay import ReplayDifferenceError, derive, people_of
 from app.services.runtime import Runtime
 from app.services.study import Outcome
 from app.services.walk import walk
@@ -99,15 +99,21 @@ def test_queries_after_a_feature_are_chosen_with_it_and_replay_derives_it_again(
     weights = [one.proposed.provenance.weights_a for one in prepared[:18]]
     assert [len(one) for one in weights] == [4] * 15 + [5] * 3
     with wiring.headless() as runtime:
-        (script,) = read_scripts(tmp_path / "out")
-        assert [event.query_index for event in script.learned] == [15]
-        replay(runtime, script)
-    feature = script.learned[0].feature
-    assert feature is not None
-    moved = replace(feature, drives=feature.drives + 1e-9)
-    changed = replace(script, learned=(replace(script.learned[0], feature=moved),))
-    with wiring.headless() as runtime, pytest.raises(ReplayDifferenceError, match="before query 15 is not"):
-        replay(runtime, changed)
+        (person,) = people_of(open_export(tmp_path / "out"))
+        (learned,) = [event for event in person.log if isinstance(event, FeatureLearned)]
+        assert learned.query_index == 15
+        derive(runtime, person)
+        assert learned.feature is not None
+        moved = replace(learned.feature, drives=learned.feature.drives + 1e-9)
+        other = replace(learned, feature=moved)
+        changed = replace(person, log=tuple(other if event is learned else event for event in person.log))
+        with pytest.raises(
+            ReplayDifferenceError, match=r"before query 15 is not .* feature\.drives\[0\]\[0\]"
+        ):
+            derive(runtime, changed)
+        without = replace(person, log=tuple(event for event in person.log if event is not learned))
+        with pytest.raises(ReplayDifferenceError, match="expected a feature to be learned before query 15"):
+            derive(runtime, without)
 
 
 def test_somebody_who_skips_is_asked_on_without_a_feature() -> None:
@@ -197,8 +203,8 @@ def test_what_teaches_nothing_teaches_no_feature_either(tmp_path: Path) -> None:
         state = runtime.live(record.id).state
         export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "all"))
         prepared, answers = state.prepared, state.answers
-    (script,) = read_scripts(tmp_path / "out")
-    (learned,) = script.learned
+    (person,) = people_of(open_export(tmp_path / "out"))
+    (learned,) = [event for event in person.log if isinstance(event, FeatureLearned)]
     # Eleven active queries teach the feature that the fifteenth is the first to be chosen with.
     is_active = np.array([one.phase is Phase.ACTIVE for one in prepared])
     assert (is_active[: learned.n_queries].sum(), is_active[: learned.query_index].sum()) == (11, 15)
@@ -217,4 +223,4 @@ def test_what_teaches_nothing_teaches_no_feature_either(tmp_path: Path) -> None:
     expected = learn_feature(study, state.participant, learned.n_queries, Compared(comparisons, controls))
     assert learned.feature == expected
     with wiring.headless() as runtime:
-        replay(runtime, script)
+        derive(runtime, person)

@@ -13,10 +13,10 @@ import pytest
 from app import wiring
 from app.services import path, shown
 from app.services import study as services
-from app.services.export import ExportOptions, export
+from app.services.export import ExportOptions, export, open_export
 from app.services.rehearsal import rehearse
 from app.services.rehearsed_person import Crowd
-from app.services.replay import read_scripts, replay
+from app.services.replay import people_of
 from app.services.runtime import Runtime
 from app.services.study import InvalidAnswerError, Outcome, Screen
 from app.services.walk import walk
@@ -28,6 +28,7 @@ from study_core.participants import Habits
 from study_core.path import Ending
 from study_core.plan import Phase, Position, position_of
 from study_core.study import Study, parse_study
+from tests.support.exports import replayed
 
 STUDY = find_study("full-path")
 KINDS = [step.step for step in STUDY.file.path]
@@ -407,7 +408,7 @@ def test_simulated_people_walk_the_whole_path_and_do_as_checks_say(runtime: Runt
 
 
 def exported(runtime: Runtime, folder: Path) -> Path:
-    export(runtime.store, folder, ExportOptions("jsonl", "all"))
+    export(runtime.store, folder, ExportOptions("jsonl", "all", samples="all"))
     return folder
 
 
@@ -428,21 +429,21 @@ def test_sessions_with_everything_that_happens_on_the_way_can_be_derived_again(
         answered(runtime, session_id, "b")
         path.take_back(runtime, session_id, place)
         path.end(runtime, session_id, Ending.STOPPED)
-    scripts = list(read_scripts(exported(runtime, tmp_path / "out")))
-    assert [script.hindrance for script in scripts] == [""] * 3
-    for script in scripts:
-        with wiring.headless() as again:
-            replay(again, script)
+    people = replayed(exported(runtime, tmp_path / "out"))
+    # Queries that had been prepared after an answer that was taken back are derived as well.
+    assert [person.n_queries > person.study.n_queries for person in people] == [True, False, False]
+    assert {person.way for person in people} == {"derived"}
+    assert {person.way for person in replayed(tmp_path / "out", by_steps=True)} == {"verified"}
 
 
 def test_who_was_asked_nothing_is_named_and_left_out_of_a_replay(runtime: Runtime, tmp_path: Path) -> None:
     declined = join(runtime, person="declined")
     path.take_step(runtime, declined, 0, NO)
     join(runtime, person="reads the consent form")
-    scripts = list(read_scripts(exported(runtime, tmp_path / "out")))
-    assert len(scripts) == 2
-    for script in scripts:
-        assert "was asked nothing" in script.hindrance
+    people = list(people_of(open_export(exported(runtime, tmp_path / "out"))))
+    assert len(people) == 2
+    for person in people:
+        assert "was asked nothing" in person.hindrance
 
 
 def test_walking_takes_whatever_page_comes(runtime: Runtime) -> None:

@@ -17,22 +17,22 @@ from app import wiring
 from app.cli import cli
 from app.engine.on_demand import InlineEngine
 from app.services import study as services
-from app.services.export import ExportOptions, export
+from app.services.export import ExportOptions, export, open_export
 from app.services.people import person
 from app.services.population import KIND, PopulationRequest, PopulationTrainer, adopted
-from app.services.replay import ReplayDifferenceError, Script, read_scripts, replay
+from app.services.replay import ReplayDifferenceError, people_of
 from app.services.runtime import Runtime
 from app.settings import find_study
 from app.store import Review, Store, Verdict, open_store
 from app.training import fit_population
 from study_core import session_codec
-from study_core.errors import ScriptError
 from study_core.events import PopulationAdopted
 from study_core.predictors.hand_coded_population import learn_population_prior
 from study_core.predictors.linear_people import ComparedFeatures
 from study_core.queries import infer_posterior
 from study_core.study import Study, parse_study
 from tests.services.test_people import spoil_test_answers
+from tests.support.exports import Json, edit, mend, replayed, rows
 
 _PATIENCE_S = 60.0
 
@@ -270,32 +270,29 @@ def exported(runtime: Runtime, tmp_path: Path) -> Path:
     finish(runtime, "babbaababaab")
     learned_from(runtime.store, [record.id for record in runtime.store.sessions()])
     answer(runtime, begin(runtime), "abb")
-    export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "real"))
+    export(runtime.store, tmp_path / "out", ExportOptions("jsonl", "real", samples="all"))
     return tmp_path / "out"
 
 
-def replayed(folder: Path) -> list[Script]:
-    scripts = list(read_scripts(folder))
-    with wiring.headless() as apart:
-        for script in scripts:
-            replay(apart, script)
-    return scripts
-
-
 def test_an_export_is_derived_again_from_what_each_person_started_from(exported: Path) -> None:
-    scripts = replayed(exported)
-    assert [script.adopted is not None for script in scripts] == [False, True, True]
-    assert len(scripts[1].adopted.learned_from) == 1  # type: ignore[union-attr]
-    assert len(scripts[2].adopted.learned_from) == 2  # type: ignore[union-attr]
+    assert [each.way for each in replayed(exported)] == ["derived"] * 3
+    adopted = [
+        [len(event.learned_from) for event in each.log if isinstance(event, PopulationAdopted)]
+        for each in people_of(open_export(exported))
+    ]
+    assert adopted == [[], [1], [2]]
+    assert [each.way for each in replayed(exported, by_steps=True)] == ["verified"] * 3
 
 
 def test_another_number_of_the_people_before_makes_a_replay_fail(exported: Path) -> None:
-    path = exported / "events.jsonl"
-    rows = [json.loads(line) for line in path.read_text().splitlines()]
-    changed = [row for row in rows if row["kind"] == "population_adopted"][-1]
-    changed["payload"]["population"]["mean"][1] += 20.0
-    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    with pytest.raises(ReplayDifferenceError, match=rf"{changed['person_id']}: query 0 is not the one"):
+    def change(log: list[Json]) -> None:
+        changed = [row for row in log if row["kind"] == "population_adopted"][-1]
+        changed["payload"]["population"]["mean"][1] += 20.0
+
+    edit(exported, "events", change)
+    mend(exported)
+    last = rows(exported, "people")[-1]["person_id"]
+    with pytest.raises(ReplayDifferenceError, match=rf"{last}: query 0 is not the one"):
         replayed(exported)
 
 
@@ -304,15 +301,16 @@ def test_queries_that_a_deleted_person_had_a_part_in_are_said_to_be_underivable(
 ) -> None:
     first, second, _ = (record.id for record in runtime.store.sessions())
     runtime.store.delete_session(first)
-    export(runtime.store, tmp_path / "after", ExportOptions("jsonl", "real"))
-    scripts = list(read_scripts(tmp_path / "after"))
-    hindered = [script for script in scripts if script.hindrance]
-    assert any(second in script.source for script in hindered)
-    with wiring.headless() as fresh, pytest.raises(ScriptError, match=r"somebody .* has been deleted"):
-        replay(fresh, hindered[0])
+    answer(runtime, begin(runtime), "ab")
+    export(runtime.store, tmp_path / "after", ExportOptions("jsonl", "real", samples="all"))
+    people = list(people_of(open_export(tmp_path / "after")))
+    hindered = [each for each in people if each.hindrance]
+    assert any(second in each.source for each in hindered)
+    assert all("has been deleted" in each.hindrance for each in hindered)
     said = CliRunner().invoke(cli, ["replay", str(tmp_path / "after")])
     assert said.exit_code == 0
-    assert said.stdout.count("stored queries reproduced") == len(scripts) - len(hindered)
+    assert (len(people), len(hindered)) == (3, 2)
+    assert said.stdout.count("stored queries reproduced") == 1
 
 
 def test_the_commands_learn_what_people_have_in_common(runtime: Runtime, database_url: str) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from app import wiring
 from app.services import study as services
-from app.services.export import ExportOptions, export
+from app.services.export import ExportOptions, export, open_export
 from app.services.published import ImportedPerson, import_person, read_people
-from app.services.replay import read_scripts
+from app.services.replay import survey
 from app.settings import find_study
 from app.store import Source, Store
 from study_core import session_codec
@@ -21,6 +21,7 @@ from study_core.errors import PublishedDataError, ScriptError
 from study_core.evaluation.metrics import accuracy
 from study_core.session import Action, next_action, reduce
 from study_core.study import parse_study
+from tests.support.exports import replayed
 from tests.support.published import write_person
 
 
@@ -128,12 +129,22 @@ def test_an_export_holds_imported_people_beside_our_own(
         assert None not in flat[0]
 
 
-def test_an_export_with_imported_people_is_not_replayed(store: Store, folder: Path, tmp_path: Path) -> None:
+def test_imported_people_are_left_out_of_a_replay_and_named(
+    store: Store, folder: Path, tmp_path: Path
+) -> None:
     imported(store, folder)
-    export(store, tmp_path / "out", ExportOptions("jsonl", "all"))
-    with pytest.raises(ScriptError, match=r"3 imported people.* --people real") as refused:
-        list(read_scripts(tmp_path / "out"))
+    export(store, tmp_path / "theirs", ExportOptions("jsonl", "all"))
+    with pytest.raises(ScriptError, match=r"found nobody.* another program chose the queries") as refused:
+        replayed(tmp_path / "theirs")
     assert "\n" not in str(refused.value)
+    with wiring.headless("sqlite:///" + str(tmp_path / "study.db")) as runtime:
+        _, record = services.join(runtime, find_study("quickstart"))
+        services.answer(runtime, record.id, 0, "a", 1234)
+        export(runtime.store, tmp_path / "all", ExportOptions("jsonl", "all"))
+    known = survey(open_export(tmp_path / "all"))
+    assert (known.n_people, len(known.left_out)) == (1, 3)
+    assert all("imported person" in each for each in known.left_out)
+    assert [each.n_queries for each in replayed(tmp_path / "all")] == [2]
 
 
 def test_made_up_people_answer_by_the_weights_they_were_made_with(store: Store, folder: Path) -> None:

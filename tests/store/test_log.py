@@ -171,6 +171,18 @@ def test_a_posterior_comes_back_bit_for_bit_with_its_events(store, session_id):
     assert kept.samples.shape == (2, 3)
     assert kept.samples.tobytes() == samples.tobytes()
     assert kept.summary == summary
+    assert kept.parameters is None
+
+
+def test_response_parameters_come_back_bit_for_bit_with_their_samples(store, session_id):
+    parameters = np.array([[50.0, 1 / 3, 0.0], [5e-324, 0.1 + 0.2, 0.0]])
+    store.append(session_id, 0, [PREPARED], PosteriorRecord(0, np.zeros(4), np.zeros((2, 4)), {}, parameters))
+    (kept,) = store.posteriors(session_id)
+    assert kept.parameters.tobytes() == parameters.tobytes()
+    asked = NewEvent("query_prepared", {"query_index": 1})
+    wrong = PosteriorRecord(1, np.zeros(4), np.zeros((2, 4)), {}, parameters.T)
+    with pytest.raises(StoreError, match="response parameters of shape"):
+        store.append(session_id, 1, [asked], wrong)
 
 
 def test_a_posterior_is_not_kept_when_its_events_are_refused(store, session_id):

@@ -201,8 +201,8 @@ def test_controls_are_the_same_when_they_differ_by_less_than_a_millionth_of_thei
     domain = references.BangBangDomain()
     # The range is 2, so the limit is 2e-6.
     both = np.array([[0.25], [0.25 + gap]])
-    assert queries._differ(domain, both) is are_distinct
-    assert queries._differ(domain, both[::-1]) is are_distinct
+    assert queries.differ(domain, both) is are_distinct
+    assert queries.differ(domain, both[::-1]) is are_distinct
 
 
 def test_the_method_that_the_study_names_is_used():

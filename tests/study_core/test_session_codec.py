@@ -80,6 +80,8 @@ def same(first, second):
         PopulationAdopted(0, "population-1f", ("one",), None),
         FeatureLearned(20, 16, learned_feature(), "0.1.0"),
         FeatureLearned(20, 16, None, "0.1.0"),
+        FeatureLearned(20, 16, None, "0.1.0", "x86_64, a processor (znver4): avx2 fma"),
+        dataclasses.replace(prepared(1), machine="aarch64, another (cortex-a72): neon"),
         *(prepared(index, phase) for index in range(6) for phase in Phase),
         QueryPrepared(3, Phase.TEST, ProposedQuery(proposed(1).query, IMPORTED), {}, "0.1.0", None, None),
         QueryPrepared(9, Phase.REPEAT, proposed(2), {}, "0.1.0", 1.5, Choice.B, 4),
@@ -103,6 +105,13 @@ def same(first, second):
 )
 def test_an_event_comes_back_as_it_was(event):
     assert same(there_and_back(event), event)
+
+
+@pytest.mark.parametrize("event", [prepared(1), FeatureLearned(20, 16, None, "0.1.0")])
+def test_what_was_kept_before_machines_were_says_nothing_of_one(event):
+    content = session_codec.to_json(dataclasses.replace(event, machine="a processor"))
+    del content["machine"]
+    assert same(session_codec.from_json(session_codec.kind_of(event), content), event)
 
 
 @given(controls_a=ROWS, controls_b=ROWS, features_a=ROWS, features_b=ROWS, score=FLOATS, compute_ms=FLOATS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import httpx
@@ -11,10 +10,10 @@ from app import wiring
 from app.services.export import ExportOptions, export
 from app.services.rehearsal import Rehearsal, rehearse_all
 from app.services.rehearsed_person import Crowd
-from app.services.replay import read_scripts, replay
 from app.settings import find_study
 from app.store import open_store
 from study_core.participants import Habits
+from tests.support.exports import replayed
 from tests.support.screens import screens
 from tests.support.server import running_server
 
@@ -32,11 +31,8 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
         database = server.database
     with open_store(database) as store:
         export(store, tmp_path / "out", ExportOptions("jsonl", "real"))
-    with wiring.headless() as runtime:
-        (script,) = read_scripts(tmp_path / "out")
-        summary = replay(runtime, script)
-    assert len(script.stored) == 12
-    assert json.dumps(summary)
+    (person,) = replayed(tmp_path / "out")
+    assert (person.way, person.n_queries, person.other_machines) == ("derived", 12, ())
 
 
 def test_simulated_people_are_the_same_in_this_process_and_on_the_engine() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -20,6 +22,7 @@ from app.services.export.files import batches_in
 from app.services.export.layout import digests_path, file_form, materials, table_path
 from app.services.export.manifest import Manifest, read_manifest
 from app.services.export.runs import Runs
+from app.services.export.tables import QUANTITIES
 from app.services.export.values import rows_of
 from study_core.errors import StudyError
 from study_core.study import Study, parse_study
@@ -53,6 +56,7 @@ class Export:
         self.folder = folder
         self.manifest = manifest
         self._studies: dict[str, Study] = {}
+        self._runs: dict[str, Runs] = {}
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -89,23 +93,40 @@ class Export:
 
     def events(self, person_id: str) -> list[Row]:
         """Returns a person's log. It is quick when people are asked for in the order of `people`."""
-        schema = self._schema("events")
-        return [row for batch in self._logs.of(person_id) for row in rows_of(schema, batch)]
+        return self.rows_of("events", person_id)
+
+    def rows_of(self, table: str, person_id: str) -> list[Row]:
+        """Returns a person's rows of a table. It is quick when people are asked for in the order of `people`."""
+        schema = self._schema(table)
+        if table not in self._runs:
+            self._runs[table] = Runs(lambda: self._batches(schema), ("person_id",), self._place_of)
+        return [row for batch in self._runs[table].of(person_id) for row in rows_of(schema, batch)]
 
     def samples(self, person_id: str, query_index: int) -> Float[np.ndarray, "n_samples n_weights"]:
         """Returns the samples of a posterior; none if they weren't exported.
 
         It is quick in the order of `people` and of the queries.
         """
+        return self._of_samples(person_id, query_index, lambda name: name.startswith("sample_"))
+
+    def parameters(self, person_id: str, query_index: int) -> Float[np.ndarray, "n_samples 3"] | None:
+        """Returns the response parameters of each of these samples; None where they don't differ."""
+        known = self._of_samples(person_id, query_index, lambda name: name in QUANTITIES)
+        return known if known.size else None
+
+    def _of_samples(
+        self, person_id: str, query_index: int, is_wanted: Callable[[str], bool]
+    ) -> Float[np.ndarray, "n_samples n_columns"]:
+        """Returns the columns of a posterior's samples that have a value in every row."""
         if "samples" not in self.manifest.tables:
             return np.empty((0, 0))
         batches = self._posteriors.of(person_id, query_index)
         if not batches:
             return np.empty((0, 0))
         together = pa.concat_batches(batches)
-        weights = [name for name in together.schema.names if name.startswith("sample_")]
-        known = [together[name] for name in weights if together[name].null_count == 0]
-        return np.stack([array.to_numpy() for array in known], axis=1)
+        columns = [together[name] for name in together.schema.names if is_wanted(name)]
+        known = [column.to_numpy() for column in columns if column.null_count == 0]
+        return np.stack(known, axis=1) if known else np.empty((len(together), 0))
 
     def check_digests(self, on_row: Callable[[int], None] = lambda n_rows: None) -> None:
         """Compares every row with the digests that were written with it.
@@ -150,21 +171,31 @@ class Export:
             raise ExportDifferenceError(f"{path} isn't what was exported: {told}. Export again.") from error
 
     @cached_property
-    def _logs(self) -> Runs:
-        return Runs(lambda: self._batches(self._schema("events")), ("person_id",))
+    def _posteriors(self) -> Runs:
+        columns = ("person_id", "query_index")
+        return Runs(lambda: self._batches(self._schema("samples")), columns, self._place_of)
 
     @cached_property
-    def _posteriors(self) -> Runs:
-        return Runs(lambda: self._batches(self._schema("samples")), ("person_id", "query_index"))
+    def _places(self) -> dict[str, int]:
+        return {row["person_id"]: place for place, row in enumerate(self.rows("people"))}
+
+    def _place_of(self, key: tuple[Any, ...]) -> tuple[int, ...]:
+        """Returns where the rows of a person, or of a query of theirs, stand in every table; nobody's at the end."""
+        return (self._places.get(key[0], len(self._places)), *key[1:])
 
     def _read_study(self, study_hash: str) -> Study:
         path = self.folder / materials(self.manifest.form) / "studies" / f"{study_hash}.toml"
         try:
-            study = parse_study(path.read_bytes().decode())
+            content = path.read_bytes()
         except OSError as error:
             raise ExportError(f"Can't read {path}: {error.strerror}. Export again.") from error
-        except (StudyError, UnicodeDecodeError) as error:
-            raise ExportError(f"{path} was changed after the export: {error} Export again.") from error
-        if study.hash != study_hash:
-            raise ExportError(f"{path} was changed after the export: its hash is {study.hash}. Export again.")
-        return study
+        found = hashlib.sha256(content).hexdigest()
+        if found != study_hash:
+            raise ExportError(f"{path} was changed after the export: its hash is {found}. Export again.")
+        try:
+            return parse_study(content.decode())
+        except StudyError as error:
+            raise ExportError(
+                f"{path}: {error} This version can't read it. Install the release that exported it: "
+                f"prefstudy=={self.manifest.code_version}, with its plug-ins."
+            ) from error

@@ -28,11 +28,11 @@ def person_rows(study: Study, person: PersonRecord) -> Iterator[tuple[str, Row]]
     """Gives every row of one person, posterior samples apart, with the name of its table."""
     ids = {"person_id": person.session.id, "study_hash": study.hash, "study_version": study.version}
     log = tuple(session_codec.from_json(event.kind, event.payload) for event in person.events)
-    yield "people", ids | _person_row(study, person, reduce(study, log))
+    yield "people", ids | _person_row(study, person) | state_row(study, reduce(study, log))
     for table, row in chain(
         log_rows(study, person.events, log),
         (("measures", _measure_row(each)) for each in person.measures),
-        (("posteriors", _posterior_row(study, each)) for each in person.posteriors),
+        (("posteriors", posterior_row(study, each)) for each in person.posteriors),
         (("networks", network_row(study.name, each)) for each in person.models),
         (("events", _event_row(each)) for each in person.events),
     ):
@@ -67,8 +67,7 @@ def _withdrawn(log: Sequence[Event]) -> set[int]:
     return withdrawn
 
 
-def _person_row(study: Study, person: PersonRecord, state: SessionState) -> Row:
-    conduct = conduct_of(state)
+def _person_row(study: Study, person: PersonRecord) -> Row:
     external = person.external
     return {
         "study": study.name,
@@ -76,6 +75,17 @@ def _person_row(study: Study, person: PersonRecord, state: SessionState) -> Row:
         "ordinal": person.session.ordinal,
         "source": person.session.source.value,
         "created_at": person.session.created_at,
+        "verdict": person.review.verdict,
+        "verdict_reason": person.review.reason or None,
+        "external_id": None if external is None else external.external_id,
+        "other_ids": {} if external is None else external.other_ids,
+    }
+
+
+def state_row(study: Study, state: SessionState) -> Row:
+    """Returns what a person's row says of their log."""
+    conduct = conduct_of(state)
+    return {
         "language": state.language or study.languages[0],
         "n_answers": len(state.answers),
         "is_finished": len(state.answers) == study.n_queries,
@@ -87,10 +97,6 @@ def _person_row(study: Study, person: PersonRecord, state: SessionState) -> Row:
         "n_sided": conduct.n_sided,
         "n_first": conduct.n_first,
         "median_response_ms": conduct.median_response_ms,
-        "verdict": person.review.verdict,
-        "verdict_reason": person.review.reason or None,
-        "external_id": None if external is None else external.external_id,
-        "other_ids": {} if external is None else external.other_ids,
     }
 
 
@@ -139,6 +145,7 @@ def _query_row(study: Study, row: EventRecord, event: QueryPrepared) -> Row:
         **(_imported(provenance) if isinstance(provenance, Imported) else _provenance(study, provenance)),
         "clips": event.clips,
         "code_version": event.code_version,
+        "machine": event.machine,
         "compute_ms": event.compute_ms,
     }
 
@@ -198,7 +205,8 @@ def _measure_row(measured: MeasureRecord) -> Row:
     return {"query_index": measured.query_index, "received_at": measured.at, **known, "other": other}
 
 
-def _posterior_row(study: Study, posterior: PosteriorRecord) -> Row:
+def posterior_row(study: Study, posterior: PosteriorRecord) -> Row:
+    """Returns the row of a posterior, without ids."""
     summary, n_weights = posterior.summary, len(posterior.mean)
     row: Row = {"query_index": posterior.query_index, "n_samples": len(posterior.samples)}
     row |= {key: summary[key] for key in ("has_converged", "acceptance", "n_draws", "warning")}

@@ -7,39 +7,46 @@ from collections.abc import Callable, Iterator
 import pyarrow as pa
 
 _Key = tuple[object, ...]
+_Place = tuple[int, ...]
+_Run = tuple[_Key, list[pa.RecordBatch]]
+
+_BEFORE_ALL: _Place = ()
 
 
 class Runs:
     """Finds rows that stand together. Whoever asks in the table's order has it read once, and never kept."""
 
-    def __init__(self, read: Callable[[], Iterator[pa.RecordBatch]], columns: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        read: Callable[[], Iterator[pa.RecordBatch]],
+        columns: tuple[str, ...],
+        place_of: Callable[[_Key], _Place],
+    ) -> None:
         """Reads nothing yet.
 
         Args:
             read: Gives the table from its beginning.
             columns: Whose values name a run.
+            place_of: Where a run stands in the table, should there be one, compared with others.
         """
         self._read = read
         self._columns = columns
-        self._runs: Iterator[tuple[_Key, list[pa.RecordBatch]]] = iter(())
-        self._last: tuple[_Key, list[pa.RecordBatch]] | None = None
+        self._place_of = place_of
+        self._runs: Iterator[_Run] = iter(())
+        self._head: _Run | None = None
+        # Nothing has been read yet, so whatever is asked for may have been passed.
+        self._passed: _Place | None = None
 
     def of(self, *key: object) -> list[pa.RecordBatch]:
         """Returns the rows of that key; none if there are none."""
-        if self._last is not None and self._last[0] == key:
-            return self._last[1]
-        return self._search(key) or self._search_from_beginning(key)
-
-    def _search_from_beginning(self, key: _Key) -> list[pa.RecordBatch]:
-        self._runs = _runs(self._read(), self._columns)
-        return self._search(key)
-
-    def _search(self, key: _Key) -> list[pa.RecordBatch]:
-        for run in self._runs:
-            self._last = run
-            if run[0] == key:
-                return run[1]
-        return []
+        wanted = self._place_of(key)
+        if self._passed is None or wanted <= self._passed:
+            self._runs, self._passed = _runs(self._read(), self._columns), _BEFORE_ALL
+            self._head = next(self._runs, None)
+        while self._head is not None and self._place_of(self._head[0]) < wanted:
+            self._passed = self._place_of(self._head[0])
+            self._head = next(self._runs, None)
+        return self._head[1] if self._head is not None and self._head[0] == key else []
 
 
 def _runs(

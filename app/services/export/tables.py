@@ -225,6 +225,7 @@ def _queries(features: Sequence[str], weights: Sequence[str], n_controls: int) -
             Column("bank_digest", "string", "SHA-256 of the bank of local optima that was searched."),
             Column("clips", "json", "SHA-256 of the clip that shows the query, by picture layout."),
             Column("code_version", "string", "Version of prefstudy that computed or imported the query."),
+            Column("machine", "string", "Type of the processor that computed the query."),
             Column("compute_ms", "number", "What the query cost, on one core.", "ms", least=0),
             Column("imported_file", "string", "File that an imported query was read from."),
             Column("imported_sha256", "string", "SHA-256 of that file."),
@@ -316,6 +317,12 @@ def _samples(weights: Sequence[str]) -> TableSchema:
             QUERY,
             Column("sample", "integer", "Number of the sample in its posterior, from 0.", least=0),
             *(Column(f"sample_{name}", "number", f"Sampled weight of `{name}`.") for name in weights),
+            *(
+                Column(
+                    name, "number", f"Sampled {name}; empty where all samples have the posterior's median."
+                )
+                for name in QUANTITIES
+            ),
         ),
         block=65_536,
     )

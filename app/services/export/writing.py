@@ -21,7 +21,7 @@ from app.services.export.open_table import OpenTable, open_table
 from app.services.export.options import SOURCES, ExportOptions, Samples
 from app.services.export.pseudonyms import Pseudonyms, new_key_file
 from app.services.export.rows import network_row, person_rows
-from app.services.export.tables import tables_of
+from app.services.export.tables import QUANTITIES, tables_of
 from app.services.export.values import batch_of
 from app.store import PersonRecord, SessionDeletedError, SessionRecord, Store
 from study_core.study import Study, parse_study
@@ -182,6 +182,9 @@ def _samples(
         }
         for i, name in enumerate(study.weight_names[:n_weights]):
             columns[f"sample_{name}"] = pa.array(np.ascontiguousarray(posterior.samples[:, i]))
+        if posterior.parameters is not None:
+            of_each = zip(QUANTITIES, posterior.parameters.T, strict=True)
+            columns |= {name: pa.array(np.ascontiguousarray(values)) for name, values in of_each}
         absent = (name for name in schema.names if name not in columns)
         columns |= {name: pa.nulls(n_samples, pa.float64()) for name in absent}
         yield pa.record_batch([columns[name] for name in schema.names], schema=schema.arrow)
