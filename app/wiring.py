@@ -18,14 +18,20 @@ from urllib.parse import urlsplit
 import uvicorn
 
 from app.continuation import continue_session, learn, scenes, test_set, warm_up
+from app.desk.api import create_api
+from app.desk.parts import DeskParts
+from app.desk.site import create_desk
 from app.engine.dask_engine import DaskEngine
 from app.engine.on_demand import InlineEngine, OnDemandEngine
 from app.errors import AppError
 from app.services import study as services
 from app.services.continuation import Engine
+from app.services.desk_accounts import DeskAccounts
 from app.services.population import PopulationTrainer
+from app.services.reports import ReportShelf
 from app.services.runtime import Runtime
 from app.services.shown import shown
+from app.services.standing import catch_up
 from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
@@ -67,12 +73,27 @@ class ServeSettings:
     public_url: str | None
 
 
-def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
+@dataclass(frozen=True)
+class Addresses:
+    """Where people come in.
+
+    Attributes:
+        join: Participants.
+        desk: Experimenters.
+        setup_code: What makes the first of them; None where there is somebody already.
+    """
+
+    join: str
+    desk: str
+    setup_code: str | None
+
+
+def serve(settings: ServeSettings, announce: Callable[[Addresses], None]) -> None:
     """Serves a study until it is told to stop.
 
     Args:
         settings: How.
-        announce: Told the participant link as soon as it works.
+        announce: Told where people come in, as soon as it works.
 
     Raises:
         ServeError: The port is busy, or the host can be reached from outside without a public URL.
@@ -104,14 +125,16 @@ def serve(settings: ServeSettings, announce: Callable[[str], None]) -> None:
             trainer=trainer,
             populations=populations,
         )
-        parts = _parts(settings, runtime)
+        accounts = DeskAccounts(store)
+        parts = _parts(settings, runtime, accounts)
         for arm in settings.study.arms:
             parts.runtime.open_study(arm)
         trainer.begin_missing(settings.study.name)
         populations.begin(settings.study)
-        link = _join_link(settings, listener)
+        runtime.hand_over(catch_up, store)
+        addresses = _addresses(settings, listener, accounts)
         _favour_latency()
-        server = _Server(_uvicorn_config(parts, settings), lambda: announce(link), parts.changes.close)
+        server = _Server(_uvicorn_config(parts, settings), lambda: announce(addresses), parts.changes.close)
         server.run(sockets=[listener])
 
 
@@ -197,7 +220,7 @@ def populations(store: Store) -> Iterator[PopulationTrainer]:
         trainer.close()
 
 
-def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
+def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | None = None) -> SiteParts:
     changes = Changes()
     keeper = StageKeeper(lambda session_id: _picture(runtime, session_id))
 
@@ -205,8 +228,11 @@ def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
         keeper.refresh(session_id)
         changes.notify(session_id)
 
+    reports = ReportShelf(settings.database)
+
     def shut_down() -> None:
         keeper.close()
+        reports.close()
         runtime.close()
 
     runtime.on_change, runtime.on_deletion = on_change, keeper.forget
@@ -216,8 +242,17 @@ def _parts(settings: ServeSettings, runtime: Runtime) -> SiteParts:
         return None if record is None else record.id
 
     routes = stage_routes(keeper, session_of, settings.public_url)
+    desk = DeskParts(
+        runtime,
+        settings.study,
+        accounts or DeskAccounts(runtime.store),
+        settings.database,
+        reports,
+        settings.public_url,
+    )
+    mounts = {"/desk": create_desk(desk), "/api/v1": create_api(desk)}
     return SiteParts(
-        runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, shut_down
+        runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, mounts, shut_down
     )
 
 
@@ -294,7 +329,8 @@ def _listen(host: str, port: int) -> Iterator[socket.socket]:
         yield listener
 
 
-def _join_link(settings: ServeSettings, listener: socket.socket) -> str:
+def _addresses(settings: ServeSettings, listener: socket.socket, accounts: DeskAccounts) -> Addresses:
     host, port = listener.getsockname()[:2]
     base = settings.public_url or f"http://{f'[{host}]' if ':' in host else host}:{port}"
-    return f"{base.rstrip('/')}/join/{settings.study.name}"
+    base = base.rstrip("/")
+    return Addresses(f"{base}/join/{settings.study.name}", f"{base}/desk", accounts.setup_code)

@@ -93,6 +93,20 @@ def bench_export(
         print_result(export.run(seed, people, progress), json_)
 
 
+@bench.command("monitor")
+def bench_monitor(
+    people: Annotated[int, typer.Option(min=1, help="People in the study.")] = 1000,
+    loads: Annotated[int, typer.Option(min=1, help="How often each page is loaded.")] = 50,
+    seed: SeedOption = 0,
+    json_: JsonOption = False,
+) -> None:
+    """Time to load the desk's monitor of a study with many people, from a separate server process."""
+    from app.bench import monitor
+
+    with new_progress() as progress:
+        print_result(monitor.run(seed, people, loads, progress), json_)
+
+
 @bench.command("training")
 def bench_training(seed: SeedOption = 0, json_: JsonOption = False) -> None:
     """Time to train the feature networks of a person and of a study, against the plain loop in torch."""

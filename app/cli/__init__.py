@@ -9,6 +9,7 @@ import typer
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
 from app.cli.data import backup, delete, forget, import_, migrate, restore
+from app.cli.experimenters import experimenter
 from app.cli.exporting import export
 from app.cli.learning import appendix, evaluate, report, train
 from app.cli.reproducing import replay
@@ -32,6 +33,7 @@ for command in (
 ):
     cli.command()(command)
 cli.command("import")(import_)
+cli.add_typer(experimenter, name="experimenter", no_args_is_help=True)
 cli.add_typer(bench, name="bench", no_args_is_help=True)
 
 

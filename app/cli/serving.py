@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ from app import log
 from app.cli.options import DatabaseOption, SchedulerOption, StudyOption
 from app.settings import DEFAULT_DATABASE, DEFAULT_STUDY, find_study
 from app.terminal import build_bank, console
+
+if TYPE_CHECKING:
+    from app.wiring import Addresses
 
 
 def serve(
@@ -37,7 +40,14 @@ def serve(
     settings = wiring.ServeSettings(find_study(study), database, host, port, workers, scheduler, public_url)
     build_bank(settings.study)
     console.print(f"Starting [bold]{settings.study.name}[/] (compiling kernels on the first run) ...")
-    wiring.serve(settings, lambda link: print(f"Participants open: {link}", flush=True))
+    wiring.serve(settings, _announce)
+
+
+def _announce(addresses: Addresses) -> None:
+    print(f"Participants open: {addresses.join}")
+    print(f"Experimenters open: {addresses.desk}", flush=True)
+    if addresses.setup_code is not None:
+        print(f"Nobody has the desk yet. Its first owner needs this code: {addresses.setup_code}", flush=True)
 
 
 def link(

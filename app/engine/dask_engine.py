@@ -11,6 +11,7 @@ import hashlib
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 
 _REACH_TIMEOUT_S = 10.0
 _WATCH_INTERVAL_S = 0.2
+_LATELY_S = 600.0
 
 
 @dataclass
@@ -73,6 +75,7 @@ class DaskEngine:
         self._cluster = None if scheduler_address else LocalProcesses(n_workers, n_training_workers)
         self._address = scheduler_address
         self._closing = threading.Event()
+        self._deaths: deque[float] = deque(maxlen=100)
         self._warm_up = warm_up
         self._client = self._connect()
         # Whoever trains needs no warming up and may be first; so many have joined only if one who is warm has.
@@ -144,6 +147,17 @@ class DaskEngine:
             self._client.close(timeout=2)
             if self._cluster is not None:
                 self._cluster.close()
+
+    def troubles(self) -> list[str]:
+        """Returns what is wrong with it, or was lately; see `app.services.continuation.Engine`."""
+        if self._cluster is None:
+            is_there = self._client.status == "running"
+            return [] if is_there else [f"The Dask scheduler at {self._address} can’t be reached."]
+        n_dead = sum(at > time.monotonic() - _LATELY_S for at in list(self._deaths))
+        if not n_dead:
+            return []
+        processes = "process" if n_dead == 1 else "processes"
+        return [f"{n_dead} {processes} of the engine died in the last ten minutes and had to be replaced."]
 
     @property
     def process_ids(self) -> dict[str, list[int]]:
@@ -246,13 +260,14 @@ class DaskEngine:
                 if not self._cluster.has_scheduler():
                     self._start_again()
                 else:
-                    self._cluster.replace_dead_workers()
+                    self._deaths.extend([time.monotonic()] * self._cluster.replace_dead_workers())
             except Exception:
                 log.exception("the engine could not be mended; trying again")
 
     def _start_again(self) -> None:
         """Starts a new cluster after its scheduler has died, and sends it what was pending."""
         log.warning("the scheduler has died; starting a new one")
+        self._deaths.append(time.monotonic())
         assert self._cluster is not None
         old = self._client
         self._cluster.stop()

@@ -67,6 +67,10 @@ class _EngineOnDemand:
 class InlineEngine(_EngineOnDemand):
     """Computes in this process: headless replay and simulation."""
 
+    def troubles(self) -> list[str]:
+        """Returns nothing: if it were in trouble, so would be whoever asks."""
+        return []
+
     def _compute(
         self, key: str, function: Callable[..., Any], argument: object, urgency: float, resource: Resource
     ) -> Any:
@@ -83,3 +87,7 @@ class OnDemandEngine(_EngineOnDemand):
         self, key: str, function: Callable[..., Any], argument: object, urgency: float, resource: Resource
     ) -> Any:
         return self._engine.submit(key, function, argument, urgency, resource).result()
+
+    def troubles(self) -> list[str]:
+        """Returns the other engine's."""
+        return self._engine.troubles()

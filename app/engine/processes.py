@@ -78,13 +78,16 @@ class LocalProcesses:
         """Returns whether the scheduler is alive."""
         return self._scheduler is not None and self._scheduler.poll() is None
 
-    def replace_dead_workers(self) -> None:
-        """Starts a new worker for each one that has died."""
+    def replace_dead_workers(self) -> int:
+        """Starts a new worker for each one that has died; returns for how many."""
+        n_dead = 0
         for index, worker in enumerate(self._workers):
             if worker.poll() is not None:
                 log.warning("worker %d has died; starting another", worker.pid)
                 _end(worker)
                 self._workers[index] = self._spawn_worker(self._resources[index])
+                n_dead += 1
+        return n_dead
 
     def stop(self) -> None:
         """Ends all processes; they can be started again."""

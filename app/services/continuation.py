@@ -167,3 +167,7 @@ class Engine(Protocol):
             A computation for each argument, in their order. They may all be done at once, when the last is.
         """
         ...
+
+    def troubles(self) -> list[str]:
+        """Returns what is wrong with it, or was lately: one sentence each."""
+        ...

@@ -132,6 +132,7 @@ def _deliver(runtime: Runtime, live: LiveSession, computation: Computation) -> N
         try:
             continuation: Continuation = computation.result()
         except Exception:
+            runtime.health.failed()
             # The log is whole: the next request for this session's screen starts the computation again.
             log.exception("session %s: the next query could not be computed", live.record.id)
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field
 
 from app.services.computations import hand_over
 from app.services.continuation import Computation, ContinueFn, Engine, FeatureRequest, LearnFn, TestSetFn
+from app.services.health import Health
 from app.services.population import PopulationTrainer
 from app.services.standing import exclusion_after, standing_of
 from app.services.training import Trainer
@@ -48,6 +50,7 @@ class LiveSession:
         ahead: The continuation after each possible answer to the current query; under None, one that doesn't depend
             on an answer.
         learning: The feature that is being learned, and from what.
+        moved_on_at: When the log last grew here, on the monotonic clock.
     """
 
     record: SessionRecord
@@ -55,6 +58,7 @@ class LiveSession:
     state: SessionState
     ahead: dict[Choice | None, Computation] = field(default_factory=dict)
     learning: tuple[FeatureRequest, Computation] | None = None
+    moved_on_at: float = field(default_factory=time.monotonic)
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @property
@@ -99,6 +103,7 @@ class Runtime:
         self.on_deletion = on_deletion
         self.trainer = trainer
         self.populations = populations
+        self.health = Health()
         self.background = ThreadPoolExecutor(max_workers=4, thread_name_prefix="services")
         self._test_set_fn = test_set_fn
         self._studies: dict[str, OpenStudy] = {}
@@ -209,6 +214,7 @@ class Runtime:
         for event in events:
             state = apply(live.study, state, event)
         new = [NewEvent(session_codec.kind_of(event), session_codec.to_json(event)) for event in events]
+        standing = standing_of(live.study, state, events, posterior, report)
         try:
             goes_on_from_people = live.state.knowledge.population is not None
             self.store.append(
@@ -219,7 +225,7 @@ class Runtime:
                 report,
                 goes_on_from_people,
                 state.ending,
-                standing_of(live.study, state, events, posterior, report),
+                standing,
                 exclusion_after(live.study, state),
             )
         except SessionDeletedError:
@@ -228,4 +234,7 @@ class Runtime:
         except Exception:
             live.state, live.ahead = self._stored_state(live.study, live.record.id), {}
             raise
-        live.state = state
+        now = time.monotonic()
+        if standing.is_wait:
+            self.health.waited(now - live.moved_on_at)
+        live.state, live.moved_on_at = state, now

@@ -16,6 +16,7 @@ from app.store.desk_records import (
 )
 from app.store.errors import (
     ExperimenterKnownError,
+    LastOwnerError,
     PersonKnownError,
     PopulationWithdrawnError,
     PositionTakenError,
@@ -23,6 +24,7 @@ from app.store.errors import (
     SessionDeletedError,
     StoreError,
     TokenTakenError,
+    UnknownError,
 )
 from app.store.locking import serve_lock
 from app.store.people import PersonRecord
@@ -54,6 +56,7 @@ __all__ = [
     "ExperimenterKnownError",
     "ExternalPerson",
     "ImportedSession",
+    "LastOwnerError",
     "MeasureRecord",
     "ModelRecord",
     "NewEvent",
@@ -75,6 +78,7 @@ __all__ = [
     "StoreError",
     "StudyRecord",
     "TokenTakenError",
+    "UnknownError",
     "Verdict",
     "open_existing_store",
     "open_store",

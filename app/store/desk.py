@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from secrets import token_hex
 from typing import Any
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
 from app.store import reviews
 from app.store.codec import decode_json, encode_json
 from app.store.desk_records import ApiToken, AuditEntry, Experimenter, Review, Role
 from app.store.engine import Database
-from app.store.errors import ExperimenterKnownError, StoreError
+from app.store.errors import ExperimenterKnownError, LastOwnerError, UnknownError
 from app.store.models import ApiTokenRow, AuditRow, DeskSessionRow, ExperimenterRow
 from app.store.utc import now
+
+_A_MINUTE = timedelta(minutes=1)
 
 
 class DeskStore:
@@ -69,7 +71,7 @@ class DeskStore:
         """Changes somebody's password, and logs them out everywhere.
 
         Raises:
-            StoreError: When there is nobody of that name.
+            UnknownError: When there is nobody of that name.
         """
         with self._database.writing() as rows:
             _known(rows, name).password_hash = password_hash
@@ -79,7 +81,8 @@ class DeskStore:
         """Changes what somebody may do.
 
         Raises:
-            StoreError: When there is nobody of that name, or no other owner.
+            UnknownError: When there is nobody of that name.
+            LastOwnerError: When there is no other owner.
         """
         with self._database.writing() as rows:
             row = _known(rows, name)
@@ -91,7 +94,8 @@ class DeskStore:
         """Takes the desk from somebody, with their logins and tokens; what they did stays in the audit.
 
         Raises:
-            StoreError: When there is nobody of that name, or no other owner.
+            UnknownError: When there is nobody of that name.
+            LastOwnerError: When there is no other owner.
         """
         with self._database.writing() as rows:
             row = _known(rows, name)
@@ -105,14 +109,33 @@ class DeskStore:
             at = now()
             rows.add(DeskSessionRow(token_hash=token_hash, experimenter=name, created_at=at, last_seen_at=at))
 
-    def login(self, token_hash: str, seen_since: datetime, begun_since: datetime) -> Experimenter | None:
-        """Who is logged in with a browser's secret, if it was seen and begun lately enough; it is seen by this."""
-        with self._database.writing() as rows:
+    def login(
+        self, token_hash: str, seen_since: datetime, begun_since: datetime, is_seen: bool = True
+    ) -> Experimenter | None:
+        """Who is logged in with a browser's secret, if it was seen and begun lately enough.
+
+        Args:
+            token_hash: Hash of the secret.
+            seen_since: When it must have been seen last.
+            begun_since: When it must have been begun.
+            is_seen: Whether it is seen by this; that is kept once a minute, so that looking rarely writes.
+        """
+        with self._database.reading() as rows:
             row = rows.get(DeskSessionRow, token_hash)
             if row is None or row.last_seen_at < seen_since or row.created_at < begun_since:
                 return None
-            row.last_seen_at = now()
-            return _experimenter(_known(rows, row.experimenter))
+            found, is_stale = (
+                _experimenter(_known(rows, row.experimenter)),
+                now() - row.last_seen_at > _A_MINUTE,
+            )
+        if is_seen and is_stale:
+            self._see(token_hash)
+        return found
+
+    def _see(self, token_hash: str) -> None:
+        with self._database.writing() as rows:
+            its_own = DeskSessionRow.token_hash == token_hash
+            rows.execute(update(DeskSessionRow).where(its_own).values(last_seen_at=now()))
 
     def end_login(self, token_hash: str) -> None:
         """Logs a browser out."""
@@ -156,12 +179,12 @@ class DeskStore:
         """Shuts a program out; doing it twice changes nothing.
 
         Raises:
-            StoreError: When there is no such token.
+            UnknownError: When there is no such token.
         """
         with self._database.writing() as rows:
             row = rows.get(ApiTokenRow, token_id)
             if row is None:
-                raise StoreError(
+                raise UnknownError(
                     f"Expected the id of a token, got '{token_id}'. The list of tokens has them."
                 )
             row.revoked_at = row.revoked_at or now()
@@ -216,7 +239,7 @@ class DeskStore:
 def _known(rows: Session, name: str) -> ExperimenterRow:
     row = rows.get(ExperimenterRow, name)
     if row is None:
-        raise StoreError(f"Expected the name of an experimenter, got '{name}'. The desk lists them.")
+        raise UnknownError(f"Expected the name of an experimenter, got '{name}'. The desk lists them.")
     return row
 
 
@@ -225,7 +248,7 @@ def _require_other_owner(rows: Session, name: str) -> None:
         ExperimenterRow.role == Role.OWNER.value, ExperimenterRow.name != name
     )
     if not rows.scalar(others):
-        raise StoreError(f"'{name}' is the only owner of the desk. Make somebody else an owner first.")
+        raise LastOwnerError(f"'{name}' is the only owner of the desk. Make somebody else an owner first.")
 
 
 def _experimenter(row: ExperimenterRow) -> Experimenter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -110,6 +111,13 @@ class Database:
             rows.begin(),
         ):
             yield rows
+
+    @property
+    def free_bytes(self) -> int | None:
+        """How much room is left where the database is; None on a server that keeps its files itself."""
+        if not sqlite.is_sqlite(self._url):
+            return None
+        return shutil.disk_usage(sqlite.database_path(self._url).parent).free
 
     def wipe(self) -> bool:
         """Removes from the database's files what its tables no longer hold.

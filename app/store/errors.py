@@ -7,6 +7,14 @@ class StoreError(AppError):
     """The database can't be used as asked; the message carries the remedy."""
 
 
+class UnknownError(StoreError):
+    """What is asked for isn't there: a session, a study, an experimenter or a token of that name."""
+
+
+class LastOwnerError(StoreError):
+    """Somebody must be left who may do everything; nothing was written."""
+
+
 class SessionDeletedError(StoreError):
     """The session was deleted; what comes late for it, a query or a model, is not kept."""
 

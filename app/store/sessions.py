@@ -8,7 +8,7 @@ from sqlalchemy import Select, func, select, update
 from sqlalchemy.orm import Session
 
 from app.store import studies
-from app.store.errors import SessionDeletedError, StoreError
+from app.store.errors import SessionDeletedError, StoreError, UnknownError
 from app.store.models import SessionRow, StudyRow, TombstoneRow, table_of
 from app.store.records import SessionRecord, Source
 from app.store.utc import now
@@ -59,7 +59,7 @@ def unknown(rows: Session, session_id: str) -> StoreError:
         return SessionDeletedError(
             f"Session '{session_id}' was deleted at {at}. Nothing is kept for it any more."
         )
-    return StoreError(f"Expected the id of a session, got '{session_id}'. `prefstudy export` lists them.")
+    return UnknownError(f"Expected the id of a session, got '{session_id}'. `prefstudy export` lists them.")
 
 
 def every(rows: Session, study_hash: str | None) -> list[SessionRecord]:

@@ -120,6 +120,11 @@ class Store:
         self._database.close()
 
     @property
+    def free_bytes(self) -> int | None:
+        """How much room is left where the database is; None where that can't be seen from here."""
+        return self._database.free_bytes
+
+    @property
     def desk(self) -> DeskStore:
         """What the experimenters' desk keeps."""
         return DeskStore(self._database)

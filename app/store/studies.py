@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.store.errors import StoreError
+from app.store.errors import StoreError, UnknownError
 from app.store.models import StudyRow
 from app.store.records import StudyRecord
 from app.store.utc import now
@@ -53,5 +53,5 @@ def every(rows: Session) -> list[StudyRecord]:
 def _known(rows: Session, study_hash: str) -> StudyRow:
     known = rows.get(StudyRow, study_hash)
     if known is None:
-        raise StoreError(f"Expected a known study, got the hash {study_hash}. Put the study first.")
+        raise UnknownError(f"Expected a known study, got the hash {study_hash}. Put the study first.")
     return known

@@ -20,7 +20,12 @@ _UNREADABLE = (
 )
 
 
-async def _fields_of(request: Request) -> Fields:
+async def fields_of(request: Request) -> Fields:
+    """Returns the form that a request brings.
+
+    Raises:
+        HTTPException: It brings something else.
+    """
     # The guard has seen to its size.
     body = await request.body()
     if body and request.headers.get("content-type", "").partition(";")[0].strip().lower() != _KIND:
@@ -35,7 +40,7 @@ async def _fields_of(request: Request) -> Fields:
     return {name: [value.replace("\r\n", "\n") for value in values] for name, values in fields.items()}
 
 
-SentForm = Annotated[Fields, Depends(_fields_of)]
+SentForm = Annotated[Fields, Depends(fields_of)]
 """The form that a request brings."""
 
 

@@ -39,7 +39,8 @@ def requested_language(request: Request, available: tuple[str, ...]) -> str:
     )
 
 
-def _language_context(request: Request) -> dict[str, Any]:
+def language_context(request: Request) -> dict[str, Any]:
+    """Returns what every page needs of the language in which it answers a request."""
     language = page_language(request)
     return {"lang": language, "dir": text_direction(language), "translator": translator(language)}
 
@@ -67,7 +68,7 @@ def _percent(context: Context, share: float) -> str:
     return format_share(share, context["lang"])
 
 
-def _environment() -> Environment:
+def page_environment() -> Environment:
     """Returns the templates' environment: `_`, `ngettext`, `{% trans %}`, and our filters."""
     environment = Environment(
         loader=FileSystemLoader(STATIC / "templates"),
@@ -80,7 +81,7 @@ def _environment() -> Environment:
     return environment
 
 
-templates = Jinja2Templates(env=_environment(), context_processors=[_language_context])
+templates = Jinja2Templates(env=page_environment(), context_processors=[language_context])
 
 
 def error_json(status: int, code: str, message: str) -> JSONResponse:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fastapi import APIRouter
+from starlette.types import ASGIApp
 
 from app.services.runtime import Runtime
 from app.web.changes import Changes
@@ -23,6 +24,7 @@ class SiteParts:
         changes: Wakes the streams of screens.
         study: The study that people can join.
         public_url: Address that participants use, if it isn't the one the server listens on.
+        mounts: Other applications of the site, by the path below which they are.
         on_shutdown: Called when the server has stopped accepting.
     """
 
@@ -32,4 +34,5 @@ class SiteParts:
     changes: Changes
     study: Study
     public_url: str | None
+    mounts: Mapping[str, ASGIApp]
     on_shutdown: Callable[[], None]

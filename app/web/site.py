@@ -47,4 +47,6 @@ def create_site(parts: SiteParts) -> FastAPI:
     site.include_router(step_routes(parts))
     site.include_router(trial_routes(parts))
     site.include_router(parts.stage)
+    for path, application in parts.mounts.items():
+        site.mount(path, application)
     return site
