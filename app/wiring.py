@@ -20,6 +20,7 @@ import uvicorn
 from app.continuation import continue_session, learn, scenes, test_set, warm_up
 from app.desk.api import create_api
 from app.desk.parts import DeskParts
+from app.desk.reports import Reports
 from app.desk.site import create_desk
 from app.engine.dask_engine import DaskEngine
 from app.engine.on_demand import InlineEngine, OnDemandEngine
@@ -227,7 +228,10 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         keeper.refresh(session_id)
         changes.notify(session_id)
 
+    reports = Reports(settings.database)
+
     def shut_down() -> None:
+        reports.close()
         keeper.close()
         runtime.close()
 
@@ -238,7 +242,8 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         return None if record is None else record.id
 
     routes = stage_routes(keeper, session_of, settings.public_url)
-    desk = DeskParts(runtime, settings.study, accounts or DeskAccounts(runtime.store), settings.public_url)
+    accounts = accounts or DeskAccounts(runtime.store)
+    desk = DeskParts(runtime, settings.study, accounts, reports, settings.public_url)
     mounts = {"/desk": create_desk(desk), "/api/v1": create_api(desk)}
     return SiteParts(
         runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, mounts, shut_down

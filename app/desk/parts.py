@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
+from app.desk.reports import Reports
 from app.services.desk_accounts import DeskAccounts
 from app.services.runtime import Runtime
 from study_core.study import Study
@@ -19,12 +20,14 @@ class DeskParts:
         runtime: The services' resources.
         study: The study that people can join.
         accounts: Lets experimenters in.
+        reports: Makes reports.
         public_url: Address that participants use, if it isn't the one the server listens on.
     """
 
     runtime: Runtime
     study: Study
     accounts: DeskAccounts
+    reports: Reports
     public_url: str | None
 
     @property

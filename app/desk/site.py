@@ -11,6 +11,7 @@ from app.desk.errors import add_desk_errors
 from app.desk.login import login_routes
 from app.desk.parts import DeskParts
 from app.desk.people import people_routes
+from app.desk.report_pages import report_routes
 from app.desk.studies import study_routes
 
 
@@ -28,6 +29,7 @@ def create_desk(parts: DeskParts) -> FastAPI:
     looks = ConditionLooks(parts.runtime.store)
     desk.include_router(login_routes(parts))
     desk.include_router(study_routes(parts, looks))
+    desk.include_router(report_routes(parts))
     desk.include_router(people_routes(parts, looks))
     desk.include_router(account_routes(parts))
     return desk
