@@ -8,7 +8,6 @@ from fastapi.responses import FileResponse, PlainTextResponse, RedirectResponse,
 from app.desk.admission import Here
 from app.desk.parts import DeskParts
 from app.desk.view import desk_page
-from app.report.appendix.document import appendix_sections, as_markdown
 from app.services.monitor import study_summary
 from app.store import Source, UnknownError
 
@@ -40,6 +39,9 @@ def report_routes(parts: DeskParts) -> APIRouter:
 
     @router.get("/appendix.md")
     def appendix(here: Here, name: str) -> Response:
+        # Loads matplotlib, which a server that starts does without.
+        from app.report.appendix.document import appendix_sections, as_markdown
+
         study_summary(runtime, parts.study, name)
         sections = appendix_sections(runtime.store, name, Source.JOINED)
         runtime.store.desk.record(here.name, "appendix_made", name)

@@ -120,6 +120,7 @@ class Reports:
                 stderr=complaints,
                 env=environment,
             )
-        # People are answering meanwhile.
-        os.setpriority(os.PRIO_PROCESS, process.pid, _LEAST_URGENT)
+        # People are answering meanwhile. Windows has no such call.
+        if hasattr(os, "setpriority"):
+            os.setpriority(os.PRIO_PROCESS, process.pid, _LEAST_URGENT)
         return _Work(process, folder, datetime.now(UTC))
