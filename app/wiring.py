@@ -20,7 +20,6 @@ import uvicorn
 from app.continuation import continue_session, learn, scenes, test_set, warm_up
 from app.desk.api import create_api
 from app.desk.parts import DeskParts
-from app.desk.reports import Reports
 from app.desk.site import create_desk
 from app.engine.dask_engine import DaskEngine
 from app.engine.on_demand import InlineEngine, OnDemandEngine
@@ -29,6 +28,7 @@ from app.services import study as services
 from app.services.continuation import Engine
 from app.services.desk_accounts import DeskAccounts
 from app.services.population import PopulationTrainer
+from app.services.reports import ReportShelf
 from app.services.runtime import Runtime
 from app.services.shown import shown
 from app.services.standing import catch_up
@@ -228,11 +228,11 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         keeper.refresh(session_id)
         changes.notify(session_id)
 
-    reports = Reports(settings.database)
+    reports = ReportShelf(settings.database)
 
     def shut_down() -> None:
-        reports.close()
         keeper.close()
+        reports.close()
         runtime.close()
 
     runtime.on_change, runtime.on_deletion = on_change, keeper.forget
@@ -242,8 +242,14 @@ def _parts(settings: ServeSettings, runtime: Runtime, accounts: DeskAccounts | N
         return None if record is None else record.id
 
     routes = stage_routes(keeper, session_of, settings.public_url)
-    accounts = accounts or DeskAccounts(runtime.store)
-    desk = DeskParts(runtime, settings.study, accounts, reports, settings.public_url)
+    desk = DeskParts(
+        runtime,
+        settings.study,
+        accounts or DeskAccounts(runtime.store),
+        settings.database,
+        reports,
+        settings.public_url,
+    )
     mounts = {"/desk": create_desk(desk), "/api/v1": create_api(desk)}
     return SiteParts(
         runtime, routes, keeper.n_viewers, changes, settings.study, settings.public_url, mounts, shut_down

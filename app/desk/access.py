@@ -67,10 +67,9 @@ CALLERS: Mapping[str, Caller] = {
     "POST /desk/studies/{name}/links": Caller.ASSISTANT,
     "GET /desk/studies/{name}/export": Caller.ASSISTANT,
     "GET /desk/studies/{name}/export.zip": Caller.ASSISTANT,
-    "GET /desk/studies/{name}/report": Caller.ASSISTANT,
-    "POST /desk/studies/{name}/report": Caller.ASSISTANT,
-    "GET /desk/studies/{name}/report.html": Caller.ASSISTANT,
-    "GET /desk/studies/{name}/appendix.md": Caller.ASSISTANT,
+    "GET /desk/studies/{name}/reports": Caller.ASSISTANT,
+    "POST /desk/studies/{name}/reports/{kind}": Caller.ASSISTANT,
+    "GET /desk/studies/{name}/reports/{kind}/file": Caller.ASSISTANT,
     "GET /desk/people/{session_id}": Caller.VIEWER,
     "POST /desk/people/{session_id}/review": Caller.ASSISTANT,
     "POST /desk/people/{session_id}/reopen": Caller.ASSISTANT,
@@ -86,6 +85,7 @@ CALLERS: Mapping[str, Caller] = {
     "POST /desk/tokens": Caller.VIEWER,
     "POST /desk/tokens/{token_id}/revoke": Caller.VIEWER,
     "GET /desk/audit": Caller.OWNER,
+    "GET /desk/backup": Caller.OWNER,
     # The JSON API.
     "GET /api/v1/openapi.json": Caller.ANYONE,
     "GET /api/v1/me": Caller.VIEWER,
@@ -95,6 +95,9 @@ CALLERS: Mapping[str, Caller] = {
     "GET /api/v1/studies/{name}/links": Caller.ASSISTANT,
     "POST /api/v1/studies/{name}/links": Caller.ASSISTANT,
     "GET /api/v1/studies/{name}/export": Caller.ASSISTANT,
+    "GET /api/v1/studies/{name}/reports/{kind}": Caller.ASSISTANT,
+    "POST /api/v1/studies/{name}/reports/{kind}": Caller.ASSISTANT,
+    "GET /api/v1/studies/{name}/reports/{kind}/file": Caller.ASSISTANT,
     "GET /api/v1/people/{session_id}": Caller.VIEWER,
     "PUT /api/v1/people/{session_id}/review": Caller.ASSISTANT,
     "POST /api/v1/people/{session_id}/reopen": Caller.ASSISTANT,
@@ -107,6 +110,7 @@ CALLERS: Mapping[str, Caller] = {
     "POST /api/v1/tokens": Caller.VIEWER,
     "DELETE /api/v1/tokens/{token_id}": Caller.VIEWER,
     "GET /api/v1/audit": Caller.OWNER,
+    "GET /api/v1/backup": Caller.OWNER,
 }
 """Every route, by its method and path."""
 

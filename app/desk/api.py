@@ -5,21 +5,24 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, FastAPI, Query, Request, Security
-from fastapi.responses import StreamingResponse
+from fastapi.responses import FileResponse, StreamingResponse
 from fastapi.security import APIKeyCookie, HTTPBearer
 
 from app.desk import api_shapes as shapes
 from app.desk.admission import COOKIE, Here, admit
 from app.desk.api_errors import add_api_errors
+from app.desk.backups import SQLITE, backup_file
 from app.desk.conditions import ConditionLooks, blinded
 from app.desk.exports import ZIP, Wished, archive
 from app.desk.links import open_link, personal_links, prolific_link
 from app.desk.monitor_page import PEOPLE
 from app.desk.parts import DeskParts
+from app.desk.reports import REPORT_FILES, ReportWish, begin_report, report_file
 from app.desk.tokens import make_api_token, revoke_api_token
 from app.services import desk_people
 from app.services.history import history_of
 from app.services.monitor import overview, person_of, study_summaries, study_summary
+from app.services.reports import ReportKind
 from app.store import Review
 
 _DESCRIPTION = """
@@ -50,7 +53,7 @@ def create_api(parts: DeskParts) -> FastAPI:
     api.state.parts = parts
     add_api_errors(api)
     looks = ConditionLooks(parts.runtime.store)
-    for routes in (_studies(parts, looks), _people(parts, looks), _accounts(parts)):
+    for routes in (_studies(parts, looks), _reports(parts), _people(parts, looks), _accounts(parts)):
         api.include_router(routes)
     return api
 
@@ -142,6 +145,31 @@ def _studies(parts: DeskParts, looks: ConditionLooks) -> APIRouter:
     return router
 
 
+def _reports(parts: DeskParts) -> APIRouter:
+    router = APIRouter(prefix="/studies/{name}/reports/{kind}", tags=["reports"], responses=_errors(404))
+
+    @router.get("")
+    def state(name: shapes.StudyName, kind: ReportKind) -> shapes.Report:
+        """How far a report is."""
+        return shapes.Report.of(parts.reports.state(name, kind))
+
+    @router.post("", status_code=202, responses=_WRITES)
+    def begin(here: Here, name: shapes.StudyName, kind: ReportKind, wish: ReportWish) -> shapes.Report:
+        """Has a report written, in the place of an older one; one that is being written goes on."""
+        return shapes.Report.of(begin_report(parts, here, name, kind, wish.people))
+
+    @router.get(
+        "/file",
+        response_class=FileResponse,
+        responses={200: {"content": REPORT_FILES, "description": "A file."}},
+    )
+    def download(name: shapes.StudyName, kind: ReportKind) -> FileResponse:
+        """A report that is ready."""
+        return report_file(parts, name, kind)
+
+    return router
+
+
 def _people(parts: DeskParts, looks: ConditionLooks) -> APIRouter:
     router = APIRouter(prefix="/people/{session_id}", tags=["people"], responses=_errors(404, 410))
     runtime = parts.runtime
@@ -226,5 +254,15 @@ def _accounts(parts: DeskParts) -> APIRouter:
     ) -> list[shapes.Entry]:
         """What experimenters did, newest first."""
         return [shapes.Entry.of(entry) for entry in kept.audit(n, skip, about or None)]
+
+    @router.get(
+        "/backup",
+        tags=["audit"],
+        response_class=FileResponse,
+        responses={200: {"content": {SQLITE: {}}, "description": "A SQLite database."}},
+    )
+    def backup(here: Here) -> FileResponse:
+        """A copy of the whole database, read back."""
+        return backup_file(parts, here)
 
     return router

@@ -17,6 +17,7 @@ from app.services.history import Moment as MomentRecord
 from app.services.monitor import Person as PersonRecord
 from app.services.monitor import StudySummary, Trouble
 from app.services.passwords import LONGEST, SHORTEST
+from app.services.reports import ReportState, ReportStatus
 from app.store import ApiToken, Arm, AuditEntry, Experimenter, Role, Source, Verdict
 from app.store import Review as ReviewRecord
 from study_core.plan import Position
@@ -401,3 +402,17 @@ def _person(person: PersonRecord, has_ids: bool, has_condition: bool) -> dict[st
         "signs": list(person.signs),
         "review": Review.of(line.review),
     }
+
+
+class Report(Shape):
+    """A report on the shelf."""
+
+    status: ReportStatus
+    people: str = Field(description="Whose sessions it is about.")
+    asked_at: datetime | None
+    problem: str = Field(description="Why it failed; empty if it didn't.")
+
+    @classmethod
+    def of(cls, state: ReportState) -> Report:
+        """Returns a report as it is sent."""
+        return cls(status=state.status, people=state.people, asked_at=state.asked_at, problem=state.problem)

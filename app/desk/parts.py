@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from fastapi import Request
 
-from app.desk.reports import Reports
 from app.services.desk_accounts import DeskAccounts
+from app.services.reports import ReportShelf
 from app.services.runtime import Runtime
 from study_core.study import Study
 
@@ -20,14 +20,16 @@ class DeskParts:
         runtime: The services' resources.
         study: The study that people can join.
         accounts: Lets experimenters in.
-        reports: Makes reports.
+        database: URL of the database.
+        reports: What is written for experimenters.
         public_url: Address that participants use, if it isn't the one the server listens on.
     """
 
     runtime: Runtime
     study: Study
     accounts: DeskAccounts
-    reports: Reports
+    database: str
+    reports: ReportShelf
     public_url: str | None
 
     @property

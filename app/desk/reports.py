@@ -1,126 +1,82 @@
-"""Reports on what was learned, made in the background: each takes minutes, in a process of its own."""
+"""Reports of a study: asked for, waited for, downloaded."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import threading
-from dataclasses import dataclass
-from datetime import UTC, datetime
-from enum import StrEnum
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Literal
 
-_LEAST_URGENT = 19
-_LONGEST_COMPLAINT = 300
+from fastapi import APIRouter, Request
+from fastapi.responses import FileResponse, RedirectResponse, Response
+from pydantic import BaseModel, ConfigDict, Field
 
+from app.desk.admission import Admitted, Here
+from app.desk.login import only
+from app.desk.parts import DeskParts
+from app.desk.view import desk_page
+from app.services.monitor import study_summary
+from app.services.reports import ReportKind, ReportState, ReportStatus
+from app.store import UnknownError
+from app.web.forms import SentForm
 
-class Progress(StrEnum):
-    """How far a report is."""
-
-    NONE = "none"
-    RUNNING = "running"
-    READY = "ready"
-    FAILED = "failed"
+PEOPLE = ("real", "rehearsed")
+_MEDIA = {ReportKind.APPENDIX: "text/markdown", ReportKind.REPORT: "text/html"}
+REPORT_FILES: dict[str, dict[str, str]] = {media: {} for media in _MEDIA.values()}
+"""How a description says what a report's file is."""
 
 
-@dataclass(frozen=True)
-class Report:
-    """A report on one study.
+class ReportWish(BaseModel):
+    """What a report shall be about."""
 
-    Attributes:
-        progress: How far it is.
-        begun_at: When it was begun; None if it wasn't.
-        complaint: Why it has failed.
-        path: The page, once it is ready.
+    model_config = ConfigDict(extra="forbid")
+
+    people: Literal["real", "rehearsed"] = Field("real", description="Whose sessions.")
+
+
+def report_routes(parts: DeskParts) -> APIRouter:
+    """Returns the desk's pages of reports."""
+    router = APIRouter()
+
+    @router.get("/studies/{name}/reports")
+    def show(request: Request, name: str) -> Response:
+        context = {
+            "study": study_summary(parts.runtime, parts.study, name),
+            "reports": {kind: parts.reports.state(name, kind) for kind in ReportKind},
+        }
+        return desk_page(request, "reports.html", context)
+
+    @router.post("/studies/{name}/reports/{kind}")
+    def begin(here: Here, name: str, kind: ReportKind, form: SentForm) -> Response:
+        people = only(form, "people")
+        begin_report(parts, here, name, kind, people if people in PEOPLE else PEOPLE[0])
+        return RedirectResponse(f"/desk/studies/{name}/reports", 303)
+
+    @router.get("/studies/{name}/reports/{kind}/file")
+    def download(name: str, kind: ReportKind) -> Response:
+        return report_file(parts, name, kind)
+
+    return router
+
+
+def begin_report(parts: DeskParts, here: Admitted, name: str, kind: ReportKind, people: str) -> ReportState:
+    """Starts to write a report, and notes who has asked for it.
+
+    Raises:
+        UnknownError: There is no study of that name.
     """
-
-    progress: Progress
-    begun_at: datetime | None = None
-    complaint: str = ""
-    path: Path | None = None
-
-
-@dataclass
-class _Work:
-    process: subprocess.Popen[bytes]
-    folder: TemporaryDirectory[str]
-    begun_at: datetime
-
-    @property
-    def page(self) -> Path:
-        return Path(self.folder.name) / "report.html"
-
-    @property
-    def complaints(self) -> Path:
-        return Path(self.folder.name) / "complaints.txt"
-
-    def end(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
-        self.folder.cleanup()
+    store = parts.runtime.store
+    if name not in {record.name for record in store.studies()}:
+        raise UnknownError(f"Expected the name of a study, got '{name}'. The desk lists them.")
+    parts.reports.begin(name, kind, people)
+    store.desk.record(here.name, "report_asked_for", name, {"kind": kind.value, "people": people})
+    return parts.reports.state(name, kind)
 
 
-class Reports:
-    """Makes reports, the last of each study being kept until the server ends. Fit for many threads."""
+def report_file(parts: DeskParts, name: str, kind: ReportKind) -> FileResponse:
+    """Returns a report that is ready, as a file to be saved: the server's own pages have nothing to do with it.
 
-    def __init__(self, database: str) -> None:
-        """Makes none yet.
-
-        Args:
-            database: URL of the database that they are about.
-        """
-        self._database = database
-        self._works: dict[str, _Work] = {}
-        self._lock = threading.Lock()
-
-    def begin(self, study_name: str) -> None:
-        """Begins a report, in the place of an earlier one; does nothing while one is being made."""
-        with self._lock:
-            known = self._works.get(study_name)
-            if known is not None and known.process.poll() is None:
-                return
-            if known is not None:
-                known.end()
-            self._works[study_name] = self._started(study_name)
-
-    def report(self, study_name: str) -> Report:
-        """Returns the report on a study, as far as it is."""
-        with self._lock:
-            work = self._works.get(study_name)
-        if work is None:
-            return Report(Progress.NONE)
-        status = work.process.poll()
-        if status is None:
-            return Report(Progress.RUNNING, work.begun_at)
-        if status != 0:
-            said = " ".join(work.complaints.read_text(errors="replace").split())
-            return Report(Progress.FAILED, work.begun_at, said.rpartition("Error: ")[2][-_LONGEST_COMPLAINT:])
-        return Report(Progress.READY, work.begun_at, path=work.page)
-
-    def close(self) -> None:
-        """Gives up what is being made, and removes what was."""
-        with self._lock:
-            for work in self._works.values():
-                work.end()
-            self._works.clear()
-
-    def _started(self, study_name: str) -> _Work:
-        folder = TemporaryDirectory(prefix="prefstudy-report-")
-        # Where the database is may hold a password, which others could read among the arguments.
-        environment = os.environ | {"PREFSTUDY_DATABASE": self._database}
-        command = [sys.executable, "-m", "app.cli", "report", str(Path(folder.name) / "report.html")]
-        with (Path(folder.name) / "complaints.txt").open("wb") as complaints:
-            process = subprocess.Popen(
-                [*command, "--study", study_name],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=complaints,
-                env=environment,
-            )
-        # People are answering meanwhile. Windows has no such call.
-        if hasattr(os, "setpriority"):
-            os.setpriority(os.PRIO_PROCESS, process.pid, _LEAST_URGENT)
-        return _Work(process, folder, datetime.now(UTC))
+    Raises:
+        UnknownError: It isn't ready.
+    """
+    state = parts.reports.state(name, kind)
+    if state.status is not ReportStatus.READY or state.path is None:
+        raise UnknownError(f"Expected a {kind} of '{name}' that is ready, found none. Ask for it first.")
+    return FileResponse(state.path, media_type=_MEDIA[kind], filename=f"{name}-{kind}{kind.suffix}")

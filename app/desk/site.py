@@ -6,12 +6,13 @@ from fastapi import Depends, FastAPI
 
 from app.desk.accounts import account_routes
 from app.desk.admission import admit
+from app.desk.backups import backup_routes
 from app.desk.conditions import ConditionLooks
 from app.desk.errors import add_desk_errors
 from app.desk.login import login_routes
 from app.desk.parts import DeskParts
 from app.desk.people import people_routes
-from app.desk.report_pages import report_routes
+from app.desk.reports import report_routes
 from app.desk.studies import study_routes
 
 
@@ -30,6 +31,7 @@ def create_desk(parts: DeskParts) -> FastAPI:
     desk.include_router(login_routes(parts))
     desk.include_router(study_routes(parts, looks))
     desk.include_router(report_routes(parts))
+    desk.include_router(backup_routes(parts))
     desk.include_router(people_routes(parts, looks))
     desk.include_router(account_routes(parts))
     return desk
