@@ -15,8 +15,9 @@ from app.web.languages import N_
 from app.web.pages import error_response
 
 _LARGEST_BODY = 64 * 1024
-# Room for a page of long answers in any script: a form takes up to 12 bytes for a character.
+# Room for a page of long answers in any script, or a thousand ids: a form takes up to 12 bytes for a character.
 _LARGEST_FORM = 512 * 1024
+_LONG = ("/step", "/links")
 _ADDRESSES_REMEMBERED = 10_000
 
 _FOREIGN = (N_("This came from another page"), N_("Open the study’s own link and try again there."))
@@ -79,7 +80,7 @@ class Guard:
         length = request.headers.get("content-length", "" if "transfer-encoding" in request.headers else "0")
         if not length.isdigit():
             return error_response(request, 411, "length-required", *_NO_LENGTH)
-        largest = _LARGEST_FORM if request.url.path.endswith("/step") else _LARGEST_BODY
+        largest = _LARGEST_FORM if request.url.path.endswith(_LONG) else _LARGEST_BODY
         if int(length) > largest:
             return error_response(request, 413, "too-large", *_TOO_LARGE)
         return None
