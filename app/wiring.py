@@ -29,6 +29,7 @@ from app.services.continuation import Engine
 from app.services.desk_accounts import DeskAccounts
 from app.services.population import PopulationTrainer
 from app.services.reports import ReportShelf
+from app.services.retention import DailyForgetting
 from app.services.runtime import Runtime
 from app.services.shown import shown
 from app.services.standing import catch_up
@@ -36,7 +37,7 @@ from app.services.training import Trainer
 from app.stage.keeper import StageKeeper
 from app.stage.routes import stage_routes
 from app.stage.stage import Picture
-from app.store import Store, open_existing_store, open_store, serve_lock
+from app.store import Source, Store, open_existing_store, open_store, serve_lock
 from app.training import PERSONAL_NETWORK, fit_population
 from app.web.changes import Changes
 from app.web.parts import SiteParts
@@ -81,11 +82,13 @@ class Addresses:
         join: Participants.
         desk: Experimenters.
         setup_code: What makes the first of them; None where there is somebody already.
+        n_before: How many people have begun another version of the study.
     """
 
     join: str
     desk: str
     setup_code: str | None
+    n_before: int
 
 
 def serve(settings: ServeSettings, announce: Callable[[Addresses], None]) -> None:
@@ -132,7 +135,8 @@ def serve(settings: ServeSettings, announce: Callable[[Addresses], None]) -> Non
         trainer.begin_missing(settings.study.name)
         populations.begin(settings.study)
         runtime.hand_over(catch_up, store)
-        addresses = _addresses(settings, listener, accounts)
+        stack.callback(DailyForgetting(store).close)
+        addresses = _addresses(settings, listener, store, accounts)
         _favour_latency()
         server = _Server(_uvicorn_config(parts, settings), lambda: announce(addresses), parts.changes.close)
         server.run(sockets=[listener])
@@ -329,8 +333,16 @@ def _listen(host: str, port: int) -> Iterator[socket.socket]:
         yield listener
 
 
-def _addresses(settings: ServeSettings, listener: socket.socket, accounts: DeskAccounts) -> Addresses:
+def _addresses(
+    settings: ServeSettings, listener: socket.socket, store: Store, accounts: DeskAccounts
+) -> Addresses:
     host, port = listener.getsockname()[:2]
     base = settings.public_url or f"http://{f'[{host}]' if ':' in host else host}:{port}"
     base = base.rstrip("/")
-    return Addresses(f"{base}/join/{settings.study.name}", f"{base}/desk", accounts.setup_code)
+    n_before = _n_of_other_versions(store, settings.study)
+    return Addresses(f"{base}/join/{settings.study.name}", f"{base}/desk", accounts.setup_code, n_before)
+
+
+def _n_of_other_versions(store: Store, study: Study) -> int:
+    lines = store.person_lines(study.name)
+    return sum(line.version != study.version and line.session.source is Source.JOINED for line in lines)

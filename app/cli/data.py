@@ -55,6 +55,7 @@ def delete(
     What the others have in common is learned again. Their id and the time of deletion stay.
     Copies that `migrate` or you have made are not touched.
     """
+    from app.services.desk_accounts import COMMAND_LINE
     from app.services.evaluation import number
     from app.services.people import person
     from app.store import open_existing_store
@@ -67,6 +68,7 @@ def delete(
         if not yes:
             typer.confirm(f"Delete {who} for good?", abort=True, err=True)
         done = store.delete_session(person_id)
+        store.desk.record(COMMAND_LINE, "person_deleted", person_id, {"answers": done.n_answers})
         models = f"{done.n_personal_models} personal and {done.n_shared_models} shared models"
         print(f"Deleted {who}, with {models}.")
         learn_populations(store, name)

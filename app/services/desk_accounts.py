@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hmac
 import re
-import time
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 from app.errors import AppError
@@ -65,16 +63,15 @@ class DeskAccounts:
         setup_code: What makes the first owner, known to whoever has started the server; None where there is one.
     """
 
-    def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, store: Store) -> None:
         """Looks whether there is an owner.
 
         Args:
             store: Where accounts are kept.
-            clock: Gives the seconds by which wrong tries are slowed down.
         """
         self._store, self._desk = store, store.desk
-        self._names = Slowdown(_FREE_TRIES_OF_A_NAME, _LONGEST_WAIT_OF_A_NAME_S, clock)
-        self._addresses = Slowdown(_FREE_TRIES_OF_AN_ADDRESS, _LONGEST_WAIT_OF_AN_ADDRESS_S, clock)
+        self._names = Slowdown(_FREE_TRIES_OF_A_NAME, _LONGEST_WAIT_OF_A_NAME_S)
+        self._addresses = Slowdown(_FREE_TRIES_OF_AN_ADDRESS, _LONGEST_WAIT_OF_AN_ADDRESS_S)
         self.setup_code = None if self._desk.experimenters() else resume_code(new_token())
 
     @property

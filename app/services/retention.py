@@ -2,13 +2,48 @@
 
 from __future__ import annotations
 
+import logging
+import threading
 from datetime import UTC, datetime, timedelta
 
-from app.store import Store
+from app.store import Store, StoreError
 from study_core.study import parse_study
+
+_A_DAY_S = 86_400.0
+
+log = logging.getLogger(__name__)
 
 RETENTION = "retention"
 """Who forgets, in the audit."""
+
+
+class DailyForgetting:
+    """Forgets what is to be forgotten, now and once a day, in a thread of its own."""
+
+    def __init__(self, store: Store) -> None:
+        """Begins at once.
+
+        Args:
+            store: Stays open until this is closed.
+        """
+        self._store = store
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, name="retention", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Waits for what is being forgotten, and ends."""
+        self._is_over.set()
+        self._thread.join()
+
+    def _go_on(self) -> None:
+        while True:
+            try:
+                forget_ids(self._store)
+            except StoreError:
+                log.exception("ids could not be forgotten; they will be tomorrow")
+            if self._is_over.wait(_A_DAY_S):
+                return
 
 
 def forget_ids(store: Store) -> dict[str, int]:

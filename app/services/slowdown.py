@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
+from time import monotonic
 
 _MOST_KEYS = 10_000
 _FORGOTTEN_AFTER_S = 3600.0
@@ -19,7 +18,7 @@ class _Failures:
 
     Attributes:
         n: How often in a row.
-        at: When last, in seconds of the clock.
+        at: When last, by a clock that is never set back, in seconds.
     """
 
     n: int
@@ -33,15 +32,14 @@ class Slowdown:
     failure, or a success, and it begins anew. Fit for many threads.
     """
 
-    def __init__(self, n_free: int, longest_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, n_free: int, longest_s: float) -> None:
         """Nobody has failed yet.
 
         Args:
             n_free: Failures in a row that cost nothing.
             longest_s: The longest wait, in seconds.
-            clock: Gives seconds.
         """
-        self._n_free, self._longest_s, self._clock = n_free, longest_s, clock
+        self._n_free, self._longest_s = n_free, longest_s
         self._failures: OrderedDict[str, _Failures] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -53,12 +51,12 @@ class Slowdown:
                 return 0
             # No power of two is computed that is larger than it has to be.
             delay = min(self._longest_s, 2.0 ** min(known.n - self._n_free, 30))
-            return max(0, math.ceil(known.at + delay - self._clock()))
+            return max(0, math.ceil(known.at + delay - monotonic()))
 
     def failed(self, key: str) -> None:
         """Counts a failure."""
         with self._lock:
-            self._failures[key] = _Failures(self._known(key).n + 1, self._clock())
+            self._failures[key] = _Failures(self._known(key).n + 1, monotonic())
             self._failures.move_to_end(key)
             while len(self._failures) > _MOST_KEYS:
                 self._failures.popitem(last=False)
@@ -70,4 +68,4 @@ class Slowdown:
 
     def _known(self, key: str) -> _Failures:
         known = self._failures.get(key, _Failures(0, 0.0))
-        return known if self._clock() - known.at < _FORGOTTEN_AFTER_S else _Failures(0, 0.0)
+        return known if monotonic() - known.at < _FORGOTTEN_AFTER_S else _Failures(0, 0.0)
