@@ -48,8 +48,8 @@ def _announce(addresses: Addresses) -> None:
     print(f"Experimenters open: {addresses.desk}", flush=True)
     if addresses.n_before:
         console.print(
-            f"[yellow]Note:[/] {addresses.n_before} people have begun another version of this study, and go on with it. "
-            "Whoever begins now meets this one; every record says which.",
+            f"[yellow]Note:[/] {addresses.n_before} people have begun another version of this study, and go on with it."
+            " Whoever begins now meets this one; every record says which.",
             highlight=False,
         )
     if addresses.setup_code is not None:
