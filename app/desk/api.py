@@ -250,7 +250,9 @@ def _accounts(parts: DeskParts) -> APIRouter:
     def audit(
         n: Annotated[int, Query(ge=1, le=1000, description="At most so many.")] = 100,
         skip: Annotated[int, Query(ge=0, le=2**31 - 1, description="So many of the newest.")] = 0,
-        about: Annotated[str, Query(max_length=255, description="Only what was about this; all if empty.")] = "",
+        about: Annotated[
+            str, Query(max_length=255, description="Only what was about this; all if empty.")
+        ] = "",
     ) -> list[shapes.Entry]:
         """What experimenters did, newest first."""
         return [shapes.Entry.of(entry) for entry in kept.audit(n, skip, about or None)]
