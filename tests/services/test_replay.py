@@ -14,13 +14,18 @@ from hypothesis import strategies as st
 from app import wiring
 from app.errors import AppError
 from app.machine import machine
+from app.services import path
 from app.services import study as services
 from app.services.export import ExportDifferenceError, ExportOptions, export, open_export
 from app.services.rehearsal import Crowd, rehearse
 from app.services.replay import OtherVersionError, ReplayDifferenceError, people_of
 from app.services.runtime import Runtime
+from app.services.walk import walk
 from app.store import open_store
+from study_core.comparison import Choice
 from study_core.errors import ScriptError
+from study_core.events import AnswerGiven
+from study_core.path import Ending
 from study_core.study import parse_study
 from tests.services.export.people import FULL_PATH, QUICKSTART, let_everybody_in
 from tests.support.exports import Json, edit, mend, replayed, rows, say_computed_elsewhere
@@ -120,6 +125,37 @@ def test_what_another_processor_computed_is_verified_step_by_step(
     people = replayed(exported(elsewhere, tmp_path / "out"), runtime=runtime)
     assert {each.way for each in people} == {"verified"}
     assert {each.other_machines for each in people} == {("aarch64, another (cortex-a72): neon",)}
+
+
+CONDITIONS = """
+[[condition]]
+name = "gain"
+
+[[condition]]
+name = "ties"
+acquisition.method = "heuristic-relative"
+response.answers = ["a", "b", "same"]
+response.tie_threshold = 1.0
+"""
+
+
+@pytest.mark.parametrize("by_steps", [False, True])
+def test_everybody_is_reproduced_in_their_condition_and_whoever_was_let_in_again(
+    runtime: Runtime, tmp_path: Path, by_steps: bool
+) -> None:
+    study = parse_study(SHORT.text + CONDITIONS)
+    with wiring.headless(f"sqlite:///{tmp_path / 'study.db'}") as computing:
+        for number in (1, 2):
+            rehearse(computing, study, Crowd(5, 2), number, lambda: None)
+        _, record = services.join(computing, study.arms[0])
+        services.answer(computing, record.id, 0, "a", 1234)
+        path.end(computing, record.id, Ending.STOPPED)
+        path.reopen(computing, record.id)
+        walk(computing, record.id, lambda asked: AnswerGiven(asked.query_index, Choice.B, 900))
+        export(computing.store, tmp_path / "out", ExportOptions("jsonl", "all", samples="all"))
+    people = replayed(tmp_path / "out", by_steps, runtime)
+    assert {each.study.condition for each in people} == {"gain", "ties"}
+    assert [each.n_queries for each in people] == [6, 6, 6]
 
 
 # A table, what is changed in it, and how the message names it. Times, costs and the like can't be derived.

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -13,6 +11,7 @@ from app.services.export.columns import Row, TableSchema
 from app.services.export.digests import Edges, TableDigest
 from app.services.export.errors import ExportDifferenceError, ExportError
 from app.services.export.layout import digests_path
+from app.services.export.manifest import file_digest
 from app.services.export.rows import log_rows
 from app.services.export.values import rows_of
 from app.store import EventRecord
@@ -34,7 +33,7 @@ def check(export: Export, on_row: Callable[[int], None]) -> None:
         path = export.folder / name
         if not path.is_file():
             raise ExportDifferenceError(f"{path} was exported and is missing. Export again.")
-        if _sha256(path) != digest:
+        if file_digest(path) != digest:
             raise ExportDifferenceError(f"{path} was changed after the export. Export again.")
 
 
@@ -129,8 +128,3 @@ def _short(value: Any) -> str:
     # A double says itself in full; a log's entry may be as long as a learned feature.
     text = repr(str(value)) if isinstance(value, str) else str(value)
     return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

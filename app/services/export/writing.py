@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
-from app.services.export.blocks import Blocks
 from app.services.export.columns import Row, TableSchema
 from app.services.export.description import write_description
-from app.services.export.digests import TableDigest
 from app.services.export.errors import ExportError
-from app.services.export.files import new_file
-from app.services.export.layout import Form, digests_path, file_form, materials, table_path
-from app.services.export.manifest import Manifest
+from app.services.export.folder import new_folder
+from app.services.export.layout import materials, table_path
+from app.services.export.manifest import Manifest, file_digest
 from app.services.export.materials import ClipBuilder, write_clips, write_model, write_study
+from app.services.export.open_table import OpenTable, open_table
 from app.services.export.options import SOURCES, ExportOptions, Samples
 from app.services.export.pseudonyms import Pseudonyms, new_key_file
 from app.services.export.rows import network_row, person_rows
@@ -55,7 +50,7 @@ def export(
         ExportError: There is nobody to export, or something can't be written.
     """
     chosen = _chosen(store, options)
-    with _whole(folder) as unfinished, ExitStack() as stack:
+    with new_folder(folder) as unfinished, ExitStack() as stack:
         pseudonyms = stack.enter_context(_pseudonyms(options, folder))
         export = _Export(store, unfinished, options, build_clips, pseudonyms)
         return export.write(chosen, on_person)
@@ -72,35 +67,6 @@ def _chosen(store: Store, options: ExportOptions) -> list[SessionRecord]:
     )
     of_study = "" if options.study is None else f" of the study '{options.study}'"
     raise ExportError(f"Expected {whom}{of_study} to export, found nobody. Has anyone begun?{hint}")
-
-
-@contextmanager
-def _whole(folder: Path) -> Iterator[Path]:
-    """Gives a folder to write into, which takes its place when everything is written, and else vanishes."""
-    folder = folder.absolute()
-    unfinished = folder.with_name(f"{folder.name}.partial")
-    try:
-        if folder.exists() and any(folder.iterdir()):
-            raise ExportError(f"{folder} is not empty. Name a new folder; exports never overwrite.")
-        unfinished.mkdir(parents=True)
-    except FileExistsError as error:
-        raise ExportError(
-            f"{unfinished} is there already: another export is being written, or was cut off. Remove it, or name "
-            "another folder."
-        ) from error
-    except OSError as error:
-        raise ExportError(f"Can't write to {folder}: {error.strerror}. Name another folder.") from error
-    try:
-        yield unfinished
-        if folder.exists():
-            folder.rmdir()
-        unfinished.rename(folder)
-    except OSError as error:
-        raise ExportError(
-            f"Can't write to {folder}: {error.strerror or error}. Make room or name another folder, and export again."
-        ) from error
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 @contextmanager
@@ -139,7 +105,7 @@ class _Export:
         n_written = 0
         with ExitStack() as stack:
             tables = {
-                schema.name: stack.enter_context(_new_table(self._folder, self._options.form, schema))
+                schema.name: stack.enter_context(open_table(self._folder, self._options.form, schema))
                 for schema in schemas
             }
             for done, record in enumerate(chosen, start=1):
@@ -157,7 +123,7 @@ class _Export:
             write_study(self._materials, study)
         return studies
 
-    def _write_person(self, tables: dict[str, _Table], study: Study, session_id: str) -> bool:
+    def _write_person(self, tables: dict[str, OpenTable], study: Study, session_id: str) -> bool:
         """Writes a person's rows; returns whether they are still there."""
         try:
             person = self._store.person(session_id)
@@ -179,7 +145,7 @@ class _Export:
             write_clips(self._materials, study, person.events, self._build_clips)
         return True
 
-    def _write_shared_models(self, tables: dict[str, _Table], names: set[str]) -> None:
+    def _write_shared_models(self, tables: dict[str, OpenTable], names: set[str]) -> None:
         for name in sorted(names):
             for model in self._store.shared_models(name):
                 told = model if self._pseudonyms is None else self._pseudonyms.of_model(model)
@@ -187,7 +153,7 @@ class _Export:
                 networks.add(batch_of(networks.schema, [network_row(name, told)]))
                 write_model(self._materials, told)
 
-    def _write_manifest(self, tables: dict[str, _Table]) -> None:
+    def _write_manifest(self, tables: dict[str, OpenTable]) -> None:
         own = {table_path(self._options.form, name) for name in tables}
         paths = sorted(path for path in self._folder.rglob("*") if path.is_file())
         files = {path.relative_to(self._folder).as_posix(): path for path in paths}
@@ -197,50 +163,9 @@ class _Export:
             {name: table.schema for name, table in tables.items()},
             {name: table.digest.n_rows for name, table in tables.items()},
             {name: table.digest.hexdigest() for name, table in tables.items()},
-            {name: _sha256(path) for name, path in files.items() if name not in own},
+            {name: file_digest(path) for name, path in files.items() if name not in own},
         )
         manifest.write(self._folder)
-
-
-class _Table:
-    """A table that is being written, with the digests of its rows beside it."""
-
-    def __init__(
-        self, schema: TableSchema, write: Callable[[pa.RecordBatch], None], digests: Callable[[str], int]
-    ) -> None:
-        self.schema = schema
-        self.digest = TableDigest(schema)
-        self._blocks = Blocks(schema.block)
-        self._write = write
-        self._write_digests = digests
-
-    def add(self, batch: pa.RecordBatch) -> None:
-        """Takes some rows."""
-        for block in self._blocks.add(batch):
-            self._put(block)
-
-    def finish(self) -> None:
-        """Writes what waits."""
-        for block in self._blocks.rest():
-            self._put(block)
-
-    def _put(self, block: pa.RecordBatch) -> None:
-        self._write(block)
-        self._write_digests(json.dumps(asdict(self.digest.add(block))) + "\n")
-
-
-@contextmanager
-def _new_table(folder: Path, form: Form, schema: TableSchema) -> Iterator[_Table]:
-    path, digests = folder / table_path(form, schema.name), folder / digests_path(schema.name)
-    for each in (path, digests):
-        each.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        new_file(path, file_form(form), schema) as write,
-        digests.open("x", encoding="utf-8") as edges,
-    ):
-        table = _Table(schema, write, edges.write)
-        yield table
-        table.finish()
 
 
 def _samples(
@@ -263,8 +188,3 @@ def _samples(
         absent = (name for name in schema.names if name not in columns)
         columns |= {name: pa.nulls(n_samples, pa.float64()) for name in absent}
         yield pa.record_batch([columns[name] for name in schema.names], schema=schema.arrow)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -19,7 +19,7 @@ from app.continuation import build_clips
 from app.services.export import Export, ExportError, ExportOptions, export, open_export, writing
 from app.services.export.archive import Archive
 from app.services.export.tables import tables_of
-from app.store import ImportedSession, NewEvent, PosteriorRecord, Source, Store, StoreError, open_store
+from app.store import ImportedSession, NewEvent, Source, Store, StoreError, open_store
 from tests.services.export.people import FULL_PATH, QUICKSTART
 
 
@@ -152,32 +152,39 @@ def test_an_export_while_people_answer_sees_each_at_one_moment(
             assert len(each.events(person["person_id"])) == 1 + 2 * person["n_answers"]
 
 
-def fill(store: Store, database: str, n_people: int) -> None:
-    """Keeps one rehearsed person's log and posteriors again and again."""
+@pytest.fixture(scope="module")
+def crowds(database: str, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Databases of 12 and of 36 people: one rehearsed person's log and posteriors, kept again and again."""
     with open_store(database) as walked:
         record = next(each for each in walked.sessions() if each.source is Source.REHEARSED)
         events = tuple(NewEvent(each.kind, each.payload) for each in walked.events(record.id))
-        posteriors: tuple[PosteriorRecord, ...] = walked.posteriors(record.id)
+        posteriors = walked.posteriors(record.id)
     study = (QUICKSTART.hash, QUICKSTART.name, QUICKSTART.text)
-    for number in range(n_people):
-        store.add_imported(ImportedSession(f"{number:064x}", *study, events, posteriors))
+    urls = []
+    for n_people in (12, 36):
+        urls.append(f"sqlite:///{tmp_path_factory.mktemp('crowd') / 'crowd.db'}")
+        with open_store(urls[-1]) as store:
+            for number in range(n_people):
+                store.add_imported(ImportedSession(f"{number:064x}", *study, events, posteriors))
+    return urls
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "jsonl"])
 def test_memory_does_not_grow_with_the_people(
-    database: str, tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+    crowds: list[str], tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Blocks are scaled down with the people: a few of them must fill several."""
     small = [replace(table, block=64) for table in tables_of([QUICKSTART], with_samples=False)]
     monkeypatch.setattr(writing, "tables_of", lambda *_: tuple(small))
     options = ExportOptions(form, "imported", samples="none")  # type: ignore[arg-type]
     peaks = []
-    for n_people in (12, 48):
-        with open_store(f"sqlite:///{tmp_path / f'{n_people}.db'}") as store:
-            fill(store, database, n_people)
-            export(store, tmp_path / f"warm-{n_people}", options)
+    for number, url in enumerate(crowds):
+        with open_store(url) as store:
+            store.person(store.sessions()[0].id)  # which fills the connection's caches
+            if number == 0:
+                export(store, tmp_path / "first", options)  # and this all others
             tracemalloc.start()
-            export(store, tmp_path / f"out-{n_people}", options)
+            export(store, tmp_path / str(number), options)
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
