@@ -104,6 +104,7 @@ def test_no_page_of_the_desk_has_barriers(server: ServerProcess, open_page: Open
     page.goto(f"{server.url}/desk/studies/quickstart")
     home = page.get_by_role("link", name="1", exact=True).get_attribute("href")
     places = ["", "studies/quickstart", "studies/quickstart/links", "studies/quickstart/export"]
+    places += ["studies/quickstart/reports"]
     for place in [*places, "accounts", "tokens", "audit", "me"]:
         page.goto(f"{server.url}/desk/{place}")
         check(page)
