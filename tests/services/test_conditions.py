@@ -64,6 +64,7 @@ def completed(runtime: Runtime) -> Counter[str | None]:
     )
 
 
+@pytest.mark.slow
 def test_of_400_people_of_whom_a_third_leave_as_many_complete_each_condition(runtime: Runtime) -> None:
     door, rng = Door(runtime, STUDY), np.random.default_rng(1)
     under_way: list[str] = []
