@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from study_core.study import Study
@@ -53,7 +54,7 @@ def build_bank(study: Study) -> None:
 def warn(left_out: Sequence[str]) -> None:
     """Says who was left out of something, each with the reason."""
     for reason in left_out:
-        console.print(f"[yellow]Left out:[/] {reason}", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]Left out:[/] {escape(reason)}", highlight=False, soft_wrap=True)
 
 
 def print_result(result: dict[str, Any], is_json: bool) -> None:

@@ -12,9 +12,14 @@ class StudyCoreError(Exception):
 
 
 class UnknownNameError(StudyCoreError):
-    """A name that nothing is registered under."""
+    """A name that nothing is registered under.
+
+    Attributes:
+        what: What kind of thing it should have named.
+    """
 
     def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
+        self.what = what
         known = sorted(known)
         close = difflib.get_close_matches(name, known, n=1)
         hint = f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(known)}."

@@ -16,7 +16,7 @@ from study_core.choice import ResponseModel
 from study_core.comparison import Choice
 from study_core.conditions import arm_text, changed, file_text
 from study_core.domain import Domain, domain_named
-from study_core.errors import StudyError, UnknownNameError
+from study_core.errors import StudyError, StudyProblem, UnknownNameError
 from study_core.explanation import explain, explain_all
 from study_core.knowledge import NOTHING, Knowledge
 from study_core.online.rewards import FEATURE_NAME, rewards_with
@@ -196,7 +196,8 @@ def parse_study(text: str, source: str = "study file") -> Study:
     except ValidationError as error:
         raise StudyError(f"{source}: {explain(error)}", explain_all(error)) from error
     except UnknownNameError as error:
-        raise StudyError(f"{source}: {error}") from error
+        place = ("domain",) if error.what == "domain" else ("acquisition", "method")
+        raise StudyError(f"{source}: {error}", (StudyProblem(place, str(error)),)) from error
     if study.condition is None:
         _check_conditions(study, source)
     return study

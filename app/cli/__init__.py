@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 import typer
+from rich.markup import escape
 
 import app.process  # noqa: F401  - before numpy
 from app.bench.cli import bench
@@ -47,5 +48,5 @@ def main() -> None:
     try:
         cli()
     except (AppError, StudyCoreError) as error:
-        console.print(f"[red]Error:[/] {error}", highlight=False, soft_wrap=True)
+        console.print(f"[red]Error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(1)

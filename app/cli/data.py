@@ -100,11 +100,17 @@ def restore(
 ) -> None:
     """Put a backup in the place of a database; nothing may be serving it meanwhile.
 
-    The backup is read in full first, and a copy of what was there is kept. Whoever was deleted since stays deleted.
+    The backup is read in full first, and a copy of what was there is kept. Whoever was deleted since stays deleted;
+    the desk's accounts, tokens and audit stay as they are.
     """
+    from app.services.desk_accounts import COMMAND_LINE
+    from app.store import open_existing_store
     from app.store.backup import restore as restore_backup
 
     done = restore_backup(database, file)
+    with open_existing_store(database) as store:
+        detail = {"file": file.name, "n_sessions": done.contents.n_sessions, "n_deleted": done.n_deleted}
+        store.desk.record(COMMAND_LINE, "restored", None, detail)
     print(f"Restored {done.contents.n_sessions} people, {done.contents.n_events} events.")
     if done.n_deleted:
         print(f"{done.n_deleted} of the backup had been deleted since, and are so again.")

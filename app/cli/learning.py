@@ -152,7 +152,8 @@ def appendix(
 
     source = Source.JOINED if people == "real" else Source.REHEARSED
     with open_existing_store(database) as store:
-        text = as_markdown(f"Reporting appendix: {study}", appendix_sections(store, study, source))
+        title = f"Reporting appendix: {study}{' (rehearsed people)' if source is Source.REHEARSED else ''}"
+        text = as_markdown(title, appendix_sections(store, study, source))
     with open_new(out) as file:
         file.write(text)
     console.print(f"Wrote {out}.")

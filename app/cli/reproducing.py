@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+from zipfile import is_zipfile
 
 import typer
 from rich.console import Console
 
 from app import log
+from app.errors import AppError
 from app.machine import machine
 from app.terminal import JsonOption, build_bank, new_progress, print_summary, warn
 
 if TYPE_CHECKING:
     from app.services.replay import PersonReplayed, Survey
+
+
+class PackedExportError(AppError):
+    """A zip file in the place of a folder."""
 
 
 def replay(
@@ -42,6 +48,8 @@ def replay(
     log.configure("WARNING")
     if path.is_dir():
         _replay_export(path, steps, json_)
+    elif is_zipfile(path):
+        raise PackedExportError(f"{path} is packed. Unpack it, then replay the folder that is in it.")
     else:
         _replay_script(path, json_)
 

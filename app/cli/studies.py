@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperOption
 
@@ -74,7 +75,7 @@ def check(
         table.add_row(name.replace("_", " "), _shown(value))
     Console().print(table)
     for note in advice(checked):
-        console.print(f"[yellow]Note:[/] {note}", highlight=False)
+        console.print(f"[yellow]Note:[/] {escape(note)}", highlight=False)
 
 
 def settings() -> None:
@@ -115,7 +116,7 @@ def _print_problems(study: str, error: StudyError) -> None:
     for problem in error.problems:
         line = line_of(text, problem.location)
         where = f"{path}:{line}" if line else str(path)
-        console.print(f"[red]{where}:[/] {problem.message}", highlight=False, soft_wrap=True)
+        console.print(f"[red]{escape(where)}:[/] {escape(problem.message)}", highlight=False, soft_wrap=True)
 
 
 def _shown(value: Any) -> str:

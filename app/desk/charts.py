@@ -130,8 +130,8 @@ def intervals(
     lows: Float[np.ndarray, " d"],
     highs: Float[np.ndarray, " d"],
 ) -> Markup:
-    """Returns weights with their 90 % intervals, one a row, from -1 to 1."""
-    scale = Scale(-1.0, 1.0, (-1.0, -0.5, 0.0, 0.5, 1.0), _plain)
+    """Returns weights with their 90 % intervals, one a row."""
+    scale = _weights(lows)
     frame = _Frame(560.0, 28.0 * len(names) + 34.0, 150.0, scale, Scale(0.0, 1.0, (), str))
     rows = list(zip(names, means.tolist(), lows.tolist(), highs.tolist(), strict=True))
     said = "; ".join(
@@ -151,6 +151,13 @@ def intervals(
     return frame.svg(f"Weights: {said}.", drawn())
 
 
+def _weights(lows: Iterable[float]) -> Scale:
+    """Returns the axis of weights: from 0, or from -1 where some may be negative, as a learned feature's may."""
+    if min(lows) >= 0.0:
+        return Scale(0.0, 1.0, (0.0, 0.5, 1.0), _plain)
+    return Scale(-1.0, 1.0, (-1.0, 0.0, 1.0), _plain)
+
+
 def band(
     name: str,
     queries: Sequence[int],
@@ -159,7 +166,7 @@ def band(
     highs: Sequence[float],
 ) -> Markup:
     """Returns how one weight's mean and 90 % interval moved, question by question."""
-    frame = _Frame(320.0, 120.0, 34.0, _questions(queries), Scale(-1.0, 1.0, (-1.0, 0.0, 1.0), _plain))
+    frame = _Frame(320.0, 120.0, 34.0, _questions(queries), _weights(lows))
     edge = [*zip(queries, highs, strict=True), *reversed(list(zip(queries, lows, strict=True)))]
     said = f"{name}: from {_signed(means[0])} to {_signed(means[-1])} over {len(queries)} posteriors."
 

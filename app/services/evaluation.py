@@ -15,6 +15,7 @@ from app.services.people import Person as Learner
 from app.services.people import is_finished, person
 from app.store import SessionRecord, Source, Store
 from study_core.domain import Domain
+from study_core.evaluation.comparison import n_first
 from study_core.evaluation.people import Person
 from study_core.predictors.personal_network import FEWEST_ANSWERS
 from study_core.published_session import PARTICIPANT_PREFIX
@@ -129,9 +130,11 @@ def _in_order(one: Person) -> tuple[int, str]:
 
 def _unfit(one: Person) -> str:
     """Returns why somebody can't be evaluated; empty if they can."""
-    if len(one.training) < FEWEST_ANSWERS:
-        n = len(one.training)
-        return f"Person {one.name} has {n} active answers that prefer a side; {FEWEST_ANSWERS} are needed."
+    n = len(one.training)
+    # Predictors are compared after the first part of the answers, from which each must be able to learn.
+    if n_first(n) < FEWEST_ANSWERS:
+        needed = next(most for most in range(n, 100 * FEWEST_ANSWERS) if n_first(most) >= FEWEST_ANSWERS)
+        return f"Person {one.name} has {n} active answers that prefer a side; {needed} are needed."
     if len(one.test) == 0:
         return f"Person {one.name} has no answer to a common test query that prefers a side."
     return ""

@@ -13,6 +13,7 @@ from study_core.path import questionnaire_of, text_of
 from study_core.plan import Phase, plan_of
 from study_core.study import Study
 
+_PLACEHOLDER = "CHANGE-ME"
 _READY_CONSENT = "The consent page is the ready one, which is only an example: write your own."
 
 
@@ -105,11 +106,13 @@ def compute(study: Study, seconds: float) -> dict[str, float | int]:
 def advice(study: Study) -> list[str]:
     """Returns what an experimenter may have forgotten, one sentence each."""
     file, steps = study.file, {step.step for step in study.file.path}
-    has_code = any(ending.code and "CHANGE-ME" not in ending.code for ending in file.endings.values())
+    codes = [ending.code for ending in file.endings.values() if ending.code]
+    to_change = [code for code in codes if _PLACEHOLDER in code]
     notes = (
         ("consent" not in steps, 'Nobody is asked for consent: the path has no step "consent".'),
         ("consent" in steps and _is_ready_text(study, "consent"), _READY_CONSENT),
-        (not has_code, "No ending has a completion code, which services such as Prolific ask for."),
+        (not codes, "No ending has a completion code, which services such as Prolific ask for."),
+        (bool(to_change), f"Completion codes are still to be changed: {', '.join(to_change)}."),
         (file.protocol.test_queries == 0, "Without test queries, no accuracy on held-out answers is known."),
         (file.recruitment.places is None, "Anybody with the link can join: recruitment.places isn't set."),
     )

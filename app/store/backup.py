@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,6 +20,8 @@ from app.store.migrate import SchemaState, migration_transaction, schema_state, 
 from app.store.store import open_existing_store
 
 _SIDE_FILES = ("-wal", "-shm")
+# Those that others point to come first.
+_OF_THE_DESK = ("experimenters", "api_tokens", "audit")
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ def back_up(url: str, target: Path) -> Contents:
 def restore(url: str, backup: Path) -> Restored:
     """Puts a backup in the place of a database, which nobody may be serving; a copy of that is kept.
 
-    Whoever has been deleted since the backup was made stays deleted. A backup of an older schema is upgraded.
+    Whoever has been deleted since the backup was made stays deleted. Experimenters, their tokens and the audit stay as
+    they are now. A backup of an older schema is upgraded.
 
     Args:
         url: The database's URL; need not exist.
@@ -103,6 +106,7 @@ def restore(url: str, backup: Path) -> Restored:
         )
     with serve_lock(url), _copy_of(backup, database.parent) as copy:
         n_deleted = _delete_again(copy, _tombstones(database))
+        _keep_the_desk(copy, database)
         contents = _checked(copy)
         before = _kept(database) if database.exists() else None
         for suffix in _SIDE_FILES:
@@ -160,6 +164,23 @@ def _delete_again(copy: Path, session_ids: list[str]) -> int:
     with closing(sqlite3.connect(copy)) as rows:
         rows.execute("PRAGMA journal_mode = DELETE")
     return n_deleted
+
+
+def _keep_the_desk(copy: Path, database: Path) -> None:
+    """Keeps who may use the desk, and what they did, as it is: no lost right comes back, and no trace is lost.
+
+    Where the database can't be read, or has another schema, what the backup says of them holds.
+    """
+    if not database.exists():
+        return
+    with closing(sqlite3.connect(copy)) as rows, suppress(sqlite3.Error):
+        rows.execute("ATTACH DATABASE ? AS now", (str(database),))
+        with rows:
+            # Whoever is logged in logs in again.
+            rows.execute("DELETE FROM main.desk_sessions")
+            for table in _OF_THE_DESK:
+                rows.execute(f"DELETE FROM main.{table}")
+                rows.execute(f"INSERT INTO main.{table} SELECT * FROM now.{table}")
 
 
 def _tombstones(database: Path) -> list[str]:

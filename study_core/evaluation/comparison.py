@@ -81,7 +81,7 @@ def validation_log_loss(
     seed: int, domain: Domain, training: Mapping[str, Training], predictor: Predictor
 ) -> float:
     """Returns the mean over people of the log loss on the last active answers, after fitting to the first."""
-    split = {name: round(TRAINING_SHARE * len(one)) for name, one in training.items()}
+    split = {name: n_first(len(one)) for name, one in training.items()}
     fitted = predictor.fit(seed, domain, {name: _first(one, split[name]) for name, one in training.items()})
     losses = [
         score(
@@ -90,6 +90,11 @@ def validation_log_loss(
         for name, one in training.items()
     ]
     return float(np.mean(losses))
+
+
+def n_first(n_answers: int) -> int:
+    """Returns how many of somebody's active answers come before those that decide between predictors."""
+    return round(TRAINING_SHARE * n_answers)
 
 
 def _first(training: Training, n: int) -> Training:

@@ -46,7 +46,7 @@ def test_an_evaluation_prints_every_predictor_for_every_person(evaluation: Resul
     assert result["mean"]["hierarchical"] == pytest.approx(
         sum(of_person["hierarchical"] for of_person in result["people"].values()) / 2, abs=1e-3
     )
-    assert result["left_out"] == ["Person 6 has 5 active answers that prefer a side; 10 are needed."]
+    assert result["left_out"] == ["Person 6 has 5 active answers that prefer a side; 14 are needed."]
     assert "Person 6 has 5" in evaluation.stderr
 
 

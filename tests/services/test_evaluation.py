@@ -36,7 +36,7 @@ def import_people(store: Store, folder: Path, **n_active: int) -> dict[str, dict
 
 
 def test_people_come_by_number_with_their_own_answers(store: Store, tmp_path: Path) -> None:
-    written = import_people(store, tmp_path, person_12=14, person_3=11)
+    written = import_people(store, tmp_path, person_12=17, person_3=14)
     found = people_to_evaluate(store)
     assert [person.name for person in found.people] == ["3", "12"]
     for person in found.people:
@@ -51,10 +51,10 @@ def test_people_come_by_number_with_their_own_answers(store: Store, tmp_path: Pa
 
 
 def test_somebody_with_too_few_answers_is_left_out_and_named(store: Store, tmp_path: Path) -> None:
-    import_people(store, tmp_path, person_1=12, person_2=9)
+    import_people(store, tmp_path, person_1=15, person_2=9)
     found = people_to_evaluate(store)
     assert [person.name for person in found.people] == ["1"]
-    assert found.left_out == ["Person 2 has 9 active answers that prefer a side; 10 are needed."]
+    assert found.left_out == ["Person 2 has 9 active answers that prefer a side; 14 are needed."]
 
 
 def test_an_empty_store_says_what_to_do(store: Store) -> None:
@@ -71,7 +71,7 @@ def test_if_nobody_has_answered_enough_everybody_is_named(store: Store, tmp_path
 def test_rehearsed_people_and_those_who_are_still_at_it_are_not_evaluated(
     store: Store, database_url: str, tmp_path: Path
 ) -> None:
-    import_people(store, tmp_path, person_1=12)
+    import_people(store, tmp_path, person_1=15)
     with wiring.headless(database_url) as runtime:
         rehearse(runtime, QUICKSTART, Crowd(1, 1), 1, lambda: None)
         services.join(runtime, QUICKSTART)
@@ -81,7 +81,7 @@ def test_rehearsed_people_and_those_who_are_still_at_it_are_not_evaluated(
 
 
 def test_people_of_two_studies_are_not_averaged(store: Store, database_url: str, tmp_path: Path) -> None:
-    import_people(store, tmp_path, person_1=12)
+    import_people(store, tmp_path, person_1=15)
     with wiring.headless(database_url) as runtime:
         _, record = services.join(runtime, QUICKSTART)
         walk(
@@ -97,7 +97,7 @@ def test_people_of_two_studies_are_not_averaged(store: Store, database_url: str,
 
 
 def test_a_study_that_nobody_has_begun_is_named(store: Store, tmp_path: Path) -> None:
-    import_people(store, tmp_path, person_1=12)
+    import_people(store, tmp_path, person_1=15)
     with pytest.raises(NobodyToEvaluateError, match="Nobody here has begun a study named 'nosuch'"):
         people_to_evaluate(store, "nosuch")
 
@@ -110,7 +110,7 @@ def test_rehearsed_people_are_said_not_to_count(store: Store, database_url: str)
 
 
 def test_rehearsed_people_can_try_the_evaluation_out_on_their_own(store: Store, database_url: str) -> None:
-    longer = parse_study(QUICKSTART.text.replace("active_queries = 8 ", "active_queries = 14 "))
+    longer = parse_study(QUICKSTART.text.replace("active_queries = 8 ", "active_queries = 18 "))
     with wiring.headless(database_url) as runtime:
         for number in (1, 2):
             rehearse(runtime, longer, Crowd(3, 2), number, lambda: None)
@@ -119,7 +119,7 @@ def test_rehearsed_people_can_try_the_evaluation_out_on_their_own(store: Store, 
 
 
 def test_whoever_was_excluded_is_left_out_with_the_reason(store: Store, tmp_path: Path) -> None:
-    import_people(store, tmp_path, person_1=12, person_2=13)
+    import_people(store, tmp_path, person_1=15, person_2=16)
     second = store.sessions()[1]
     store.desk.put_review(second.id, Review(Verdict.EXCLUDED, "fell asleep"), "ann")
     found = people_to_evaluate(store)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from app.store import NewEvent, Source, StoreError, open_existing_store, open_store, serve_lock
+from app.store import NewEvent, Role, Source, StoreError, open_existing_store, open_store, serve_lock
 from app.store.backup import Contents, back_up, restore
 
 
@@ -96,6 +96,28 @@ def test_whoever_was_deleted_since_stays_deleted(database_url, people, tmp_path)
         assert people[1] not in [record.id for record in store.sessions()]
     # The id stands in its tombstone and that one's index, and nowhere else.
     assert Path(database_url.removeprefix("sqlite:///")).read_bytes().count(people[1].encode()) <= 2
+
+
+def test_the_desk_stays_as_it_is_now(database_url, people, tmp_path):
+    target = tmp_path / "copy.db"
+    with open_store(database_url) as store:
+        for name in ("ann", "bob"):
+            store.desk.add_experimenter(name, "hash-1", Role.OWNER)
+        token = store.desk.add_api_token("ann", "script", Role.OWNER, "secret")
+        store.desk.begin_login("bob", "of bob")
+        store.desk.record("ann", "before")
+        back_up(database_url, target)
+        store.desk.revoke_api_token(token.id)
+        store.desk.change_password("ann", "hash-2")
+        store.desk.remove_experimenter("bob")
+        store.desk.record("ann", "after")
+    restore(database_url, target)
+    with open_store(database_url) as store:
+        assert [one.name for one in store.desk.experimenters()] == ["ann"]
+        assert store.desk.password_hash("ann") == "hash-2"
+        assert store.desk.program("secret") is None
+        assert [entry.action for entry in store.desk.audit()] == ["after", "before"]
+        assert len(store.sessions()) == 3
 
 
 def test_a_backup_is_restored_where_there_is_no_database(database_url, people, tmp_path):

@@ -40,7 +40,7 @@ def empty(tmp_path: Path) -> str:
         ("empty", "Error: Nobody here can be evaluated. Import or finish some sessions first."),
         (
             "few",
-            "Error: Nobody here can be evaluated. Person 1 has 9 active answers that prefer a side; 10 are needed. "
+            "Error: Nobody here can be evaluated. Person 1 has 9 active answers that prefer a side; 14 are needed. "
             "Import or finish some sessions first.",
         ),
     ],
@@ -65,7 +65,7 @@ def test_nobody_to_train_on_is_no_failure_because_nothing_is_missing(
 
 
 def test_a_single_person_cannot_be_taken_for_new(tmp_path: Path) -> None:
-    url = database_of_one_person(tmp_path, n_active=10)
+    url = database_of_one_person(tmp_path, n_active=14)
     assert_one_line_with(run("evaluate", "--new-person", "--database", url), "at least 2 people")
 
 

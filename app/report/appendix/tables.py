@@ -9,6 +9,7 @@ from typing import Any
 from app.report.appendix.record import PersonRecord
 from app.report.appendix.statistics import counts, moments, share, spread
 from app.report.page import Section
+from app.store import Source
 from app.versions import versions_of
 from study_core.events import LanguageChosen
 from study_core.path import ChoiceItem, Ending, Item, TextItem, questionnaire_of
@@ -17,6 +18,9 @@ from study_core.section import words_in
 from study_core.study import Study
 
 _PACKAGES = ("prefstudy", "numpy", "scipy", "numba", "torch", "viser")
+_SIMULATED = (
+    "These people are simulated: the study was rehearsed. None of this is about anybody, and nobody was paid."
+)
 _WORDS = {
     Ending.DECLINED: "declined consent",
     Ending.SCREENED_OUT: "screened out",
@@ -68,6 +72,7 @@ def _recruitment(study: Study, people: Sequence[PersonRecord]) -> Section:
             ("came with an id of the recruiting service", share(with_id, len(people))),
             ("languages", counts(_language(person) for person in people)),
         ],
+        *([_SIMULATED] if people[0].line.session.source is Source.REHEARSED else []),
     )
 
 

@@ -83,8 +83,8 @@ def read_manifest(folder: Path) -> Manifest:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise ExportError(
-            f"Expected an export in {folder}, found no {MANIFEST}. Name a folder that `prefstudy export` wrote; "
-            "one of a version before 0.2 is exported again from its database."
+            f"Expected an export in {folder}, found no {MANIFEST}. Name the folder that `prefstudy export` wrote, or "
+            "the one in the desk's zip file; what has no such file is too old, and is exported again from its database."
         ) from error
     except (OSError, ValueError) as error:
         raise ExportError(f"Can't read {path}: {error}. Export again.") from error

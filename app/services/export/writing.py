@@ -62,11 +62,16 @@ def _chosen(store: Store, options: ExportOptions) -> list[SessionRecord]:
     chosen = [each for each in records if options.people == "all" or each.source is SOURCES[options.people]]
     if chosen:
         return chosen
-    whom, hint = (
-        ("anybody", "") if options.people == "all" else (f"{options.people} people", " Try --people all.")
-    )
+    names = {each.name for each in store.studies()}
+    if options.study is not None and options.study not in names:
+        raise ExportError(
+            f"Expected the name of a study, got '{options.study}'. Here are: {', '.join(sorted(names)) or 'none'}."
+        )
+    whom = "anybody" if options.people == "all" else f"{options.people} people"
+    others = sorted({each.source.value for each in records})
+    hint = f" There are {' and '.join(others)} people." if others else " Has anyone begun?"
     of_study = "" if options.study is None else f" of the study '{options.study}'"
-    raise ExportError(f"Expected {whom}{of_study} to export, found nobody. Has anyone begun?{hint}")
+    raise ExportError(f"Expected {whom}{of_study} to export, found nobody.{hint}")
 
 
 @contextmanager

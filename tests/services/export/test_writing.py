@@ -41,9 +41,9 @@ def test_an_empty_folder_and_a_nested_one_will_do(database: str, tmp_path: Path)
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (ExportOptions(), "Expected real people to export, found nobody.* Try --people all"),
+        (ExportOptions(), "Expected real people to export, found nobody. Has anyone begun?"),
         (ExportOptions(people="all"), "Expected anybody to export, found nobody"),
-        (ExportOptions(study="quick"), "real people of the study 'quick'"),
+        (ExportOptions(study="quick"), "Expected the name of a study, got 'quick'. Here are: none"),
     ],
 )
 def test_an_export_of_nobody_says_so(store: Store, tmp_path: Path, options: ExportOptions, said: str) -> None:
