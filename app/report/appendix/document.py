@@ -29,8 +29,8 @@ def appendix_sections(store: Store, study_name: str, source: Source = Source.JOI
     people = read_people(store, study_name, source)
     if not people:
         raise NothingToReportError(
-            f"Expected somebody in the study '{study_name}' ({source}), found nobody. Check the name, or name other "
-            "--people."
+            f"Expected {source} people in the study '{study_name}', found nobody. Check the name, and whether real or "
+            "rehearsed people are meant."
         )
     return appendix(people)
 
