@@ -419,7 +419,7 @@ def test_nobody_left_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_no_export_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(AppError, match="Name a folder that `prefstudy export` wrote"):
+    with pytest.raises(AppError, match="Name the folder that `prefstudy export` wrote"):
         replayed(tmp_path)
 
 

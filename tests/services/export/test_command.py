@@ -38,7 +38,7 @@ def test_real_people_are_written_as_csv_unless_told_otherwise(database: str, tmp
     ("wishes", "said"),
     [
         (["--people", "imported"], "found nobody"),
-        (["--study", "quick"], "of the study 'quick'"),
+        (["--study", "quick"], "the name of a study, got 'quick'"),
         (["--pseudonyms", "/nowhere/key.csv"], "Can't write the key"),
     ],
 )
