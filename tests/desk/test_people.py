@@ -190,7 +190,7 @@ def test_an_export_is_one_zip_file_and_in_the_audit(lab: Laboratory, person: str
         assert nobody.status_code == 422
         assert 'role="alert"' in nobody.text
         assert visitor.get("/desk/studies/quickstart/export.zip?form=tables").status_code == 422
-    (entry,) = [entry for entry in lab.store.desk.audit() if entry.action == "exported"]
+    entry = next(entry for entry in lab.store.desk.audit() if entry.action == "exported")
     assert (entry.who, entry.detail["form"], entry.detail["pseudonyms"]) == ("adam", "jsonl", True)
 
 

@@ -57,6 +57,7 @@ def finishes(person: Person) -> None:
     assert [answer["query_index"] for answer in person.answers()] == list(range(N_QUERIES))
 
 
+@pytest.mark.slow
 def test_an_open_page_outlives_the_server_and_the_session_is_finished(
     mortal: ServerProcess, open_page: OpenPage
 ) -> None:
@@ -143,6 +144,7 @@ def test_a_connection_that_says_nothing_is_taken_for_lost(server: ServerProcess,
     person.sees_question(1)
 
 
+@pytest.mark.slow
 def test_a_session_that_the_server_no_longer_knows_says_so(
     mortal: ServerProcess, open_page: OpenPage
 ) -> None:

@@ -292,6 +292,7 @@ def test_an_answer_is_acknowledged_before_the_next_frame(person: Person) -> None
     assert took_ms < 100
 
 
+@pytest.mark.slow
 def test_both_drives_must_be_shown_to_their_end_where_the_study_says_so(
     tmp_path: Path, open_page: OpenPage
 ) -> None:
@@ -317,6 +318,7 @@ def test_both_drives_must_be_shown_to_their_end_where_the_study_says_so(
         assert wait_for_answers(person, 1)[0]["response_time_ms"] > 1000 * (LEAD_S + TAIL_S)
 
 
+@pytest.mark.slow
 def test_whoever_finds_every_stage_taken_is_told_and_let_in_by_itself(
     server: ServerProcess, open_page: OpenPage
 ) -> None:

@@ -63,6 +63,7 @@ def test_somebody_new_is_predicted_with_and_without_the_others(evaluation: Resul
     assert all(found[name]["0"] != 0.5 for name in together)
 
 
+@pytest.mark.slow
 def test_a_report_shows_every_figure_and_overwrites_nothing(database: str, tmp_path: Path) -> None:
     out = tmp_path / "report.html"
     done = CliRunner().invoke(cli, ["report", str(out), "--database", database])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import httpx
+import pytest
 
 from app import wiring
 from app.services.export import ExportOptions, export
@@ -35,6 +36,7 @@ def test_a_session_served_by_the_engine_replays_headless_to_the_same_queries(tmp
     assert (person.way, person.n_queries, person.other_machines) == ("derived", 12, ())
 
 
+@pytest.mark.slow
 def test_simulated_people_are_the_same_in_this_process_and_on_the_engine() -> None:
     def rehearsed(n_workers: int) -> list[Rehearsal]:
         crowd = Crowd(12, 4, Habits(drift_rad=0.05, side_bias=0.2))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import httpx
 import numpy as np
+import pytest
 
 from app.services.people import person
 from app.services.population import KIND as POPULATION
@@ -84,6 +85,7 @@ def arrived(store: Store, session_id: str) -> bytes:
     raise AssertionError("no model came")
 
 
+@pytest.mark.slow
 def test_whoever_finishes_is_learned_from_though_workers_die(tmp_path: Path) -> None:
     with running_server(tmp_path, study_in(tmp_path)) as server:
         answer_everything(server, "quickstart", _N_ACTIVE + 1)
@@ -103,6 +105,7 @@ def test_whoever_finishes_is_learned_from_though_workers_die(tmp_path: Path) -> 
     )
 
 
+@pytest.mark.slow
 def test_a_served_session_goes_on_with_the_feature_that_its_answers_taught_though_workers_die(
     tmp_path: Path,
 ) -> None:

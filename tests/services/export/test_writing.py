@@ -169,6 +169,7 @@ def crowds(database: str, tmp_path_factory: pytest.TempPathFactory) -> list[str]
     return urls
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["csv", "parquet", "jsonl"])
 def test_memory_does_not_grow_with_the_people(
     crowds: list[str], tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
