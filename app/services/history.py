@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from app.services.monitor import step_name, study_of
 from app.services.runtime import Runtime
+from app.services.standing import least_ess, times_hidden, worst_r_hat
 from app.store import EventRecord, PosteriorRecord
 from study_core import session_codec
 from study_core.events import (
@@ -216,18 +217,14 @@ def _asked(log: Sequence[tuple[EventRecord, Event]], hidden: dict[int, int]) -> 
 
 
 def _hidden(runtime: Runtime, session_id: str) -> dict[int, int]:
-    """Returns, by question, how often the page was hidden; nobody vouches for what browsers send."""
-    counts = {}
-    for record in runtime.store.measures(session_id):
-        n = record.measures.get("hidden")
-        counts[record.query_index] = n if type(n) is int and 0 <= n < 10_000 else 0
-    return counts
+    """Returns, by question, how often the page was hidden."""
+    return {
+        record.query_index: times_hidden(record.measures) for record in runtime.store.measures(session_id)
+    }
 
 
 def _belief(posterior: PosteriorRecord) -> Belief:
     low, high = np.quantile(posterior.samples, _INTERVAL, axis=0)
-    r_hat = [value for value in posterior.summary.get("r_hat") or () if value is not None]
-    ess = [value for value in posterior.summary.get("ess_bulk") or () if value is not None]
     return Belief(
-        posterior.query_index, posterior.mean, low, high, max(r_hat, default=None), min(ess, default=None)
+        posterior.query_index, posterior.mean, low, high, worst_r_hat(posterior), least_ess(posterior)
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from app.store import NewReport, PosteriorRecord, SessionDeletedError, Standing, Store
@@ -16,6 +16,7 @@ from study_core.session import Action, SessionState, next_action, reduce
 from study_core.study import Study, parse_study
 
 _NO_SIDE = "-"
+_MOST_TIMES_HIDDEN = 10_000
 
 
 def standing_of(
@@ -48,7 +49,7 @@ def standing_of(
         n_first=conduct.n_first,
         response_ms=conduct.response_ms,
         is_wait=_is_wait(study, state, events),
-        focus_losses=0 if report is None else _count(report.measures.get("hidden")),
+        focus_losses=0 if report is None else times_hidden(report.measures),
         **({} if posterior is None else _learned(posterior)),
     )
 
@@ -93,17 +94,23 @@ def _is_wait(study: Study, state: SessionState, events: Sequence[Event]) -> bool
     return is_prepared and is_alone and bool(state.answers) and next_action(study, state) is Action.ASK
 
 
-def _count(value: object) -> int:
-    # Nobody vouches for what a browser sends.
-    return value if type(value) is int and 0 <= value < 10_000 else 0
+def times_hidden(measures: Mapping[str, Any]) -> int:
+    """Returns how often a page was hidden, as far as what its browser sent can be believed: nobody vouches for it."""
+    n_times = measures.get("hidden")
+    return n_times if type(n_times) is int and 0 <= n_times < _MOST_TIMES_HIDDEN else 0
+
+
+def worst_r_hat(posterior: PosteriorRecord) -> float | None:
+    """Returns the largest R-hat of a posterior; None where none is known."""
+    return max((value for value in posterior.summary.get("r_hat") or () if value is not None), default=None)
+
+
+def least_ess(posterior: PosteriorRecord) -> float | None:
+    """Returns the smallest effective sample size of a posterior; None where none is known."""
+    return min(
+        (value for value in posterior.summary.get("ess_bulk") or () if value is not None), default=None
+    )
 
 
 def _learned(posterior: PosteriorRecord) -> dict[str, Any]:
-    summary = posterior.summary
-    r_hat = [value for value in summary.get("r_hat", ()) if value is not None]
-    ess = [value for value in summary.get("ess_bulk", ()) if value is not None]
-    return {
-        "mean": posterior.mean,
-        "r_hat": max(r_hat, default=None),
-        "ess": min(ess, default=None),
-    }
+    return {"mean": posterior.mean, "r_hat": worst_r_hat(posterior), "ess": least_ess(posterior)}
